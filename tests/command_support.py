@@ -1,4 +1,4 @@
-"""Commands run in the test's own process, and what they print."""
+"""Commands run in the process of the test, and their output."""
 
 import json
 import re
@@ -12,48 +12,48 @@ from solen.cli.design.schema import commands, result_schema
 
 
 def answered(capfd: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    """The one JSON object that a command prints, fitting its schema; stdout and stderr hold nothing else."""
+    """The JSON object that a command prints, checked against its schema; nothing else may be printed."""
     capfd.readouterr()
     assert run_command([*arguments, "--json"]) == 0, capfd.readouterr().err
     printed = capfd.readouterr()
     assert printed.err == ""
-    found = json.loads(printed.out)
-    assert isinstance(found, dict)
+    misfit_lines = json.loads(printed.out)
+    assert isinstance(misfit_lines, dict)
     command = max((name for name in commands() if " ".join(arguments).startswith(f"{name} ")), key=len, default=None)
     if command is not None:
-        assert misfits(result_schema(tuple(command.split())), found) == []
-    return found
+        assert misfits(result_schema(tuple(command.split())), misfit_lines) == []
+    return misfit_lines
 
 
 def misfits(schema: dict[str, Any], value: Any, where: str = "$") -> list[str]:
-    """Where a value is not what its JSON Schema says, as far as `solen schema` uses that language."""
+    """Deviations of a value from its JSON Schema, for the part of the language that `solen schema` uses."""
     if "anyOf" in schema:
-        tried = [misfits(kind, value, where) for kind in schema["anyOf"]]
-        return min(tried, key=len) if all(tried) else []
+        attempts = [misfits(kind, value, where) for kind in schema["anyOf"]]
+        return min(attempts, key=len) if all(attempts) else []
     if "enum" in schema:
         return [] if value in schema["enum"] else [f"{where}: {value!r} is not one of {schema['enum']}"]
     kinds = schema.get("type", [])
     if kinds and not any(_is_a(kind, value) for kind in ([kinds] if isinstance(kinds, str) else kinds)):
         return [f"{where}: {value!r:.60} is not of type {kinds}"]
-    found = []
+    misfit_lines = []
     if isinstance(value, dict) and "properties" in schema:
         unknown = sorted(value.keys() - schema["properties"].keys())
         missing = sorted(set(schema.get("required", ())) - value.keys())
-        found += [f"{where}: {name} is not stated" for name in unknown]
-        found += [f"{where}: {name} is missing" for name in missing]
+        misfit_lines += [f"{where}: {name} is not in the schema" for name in unknown]
+        misfit_lines += [f"{where}: {name} is missing" for name in missing]
         for key in value.keys() & schema["properties"].keys():
-            found += misfits(schema["properties"][key], value[key], f"{where}.{key}")
+            misfit_lines += misfits(schema["properties"][key], value[key], f"{where}.{key}")
     if (
         isinstance(value, dict)
         and "additionalProperties" in schema
         and isinstance(schema["additionalProperties"], dict)
     ):
         for key, inner in value.items():
-            found += misfits(schema["additionalProperties"], inner, f"{where}.{key}")
+            misfit_lines += misfits(schema["additionalProperties"], inner, f"{where}.{key}")
     if isinstance(value, list) and "items" in schema:
-        for place, inner in enumerate(value):
-            found += misfits(schema["items"], inner, f"{where}[{place}]")
-    return found
+        for index, inner in enumerate(value):
+            misfit_lines += misfits(schema["items"], inner, f"{where}[{index}]")
+    return misfit_lines
 
 
 _TYPES: dict[str, type | tuple[type, ...]] = {
@@ -72,20 +72,20 @@ def _is_a(kind: str, value: Any) -> bool:
 
 
 def without_waiting(stderr: str | bytes) -> str:
-    """What a program wrote on stderr, but for lines about a wait: they depend on how busy the computer is."""
+    """Output on stderr without progress messages, which depend on the load of the computer."""
     text = stderr if isinstance(stderr, str) else stderr.decode("utf-8", "replace")
     return re.sub(r"^solen [\w -]+: (working|compiling the tracer).*\r?\n", "", text, flags=re.MULTILINE)
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """What lies in a folder and below it: files with what they hold, folders with None."""
+    """Contents of a folder and its subfolders, keyed by path: bytes of files, None for folders."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
     }
 
 
 def refusal(capture: pytest.CaptureFixture[str], folder: Path, *arguments: str) -> str:
-    """The one line on stderr of a command that is refused, prints nothing else and leaves a folder as it was."""
+    """The line on stderr of a command that fails; it must print nothing else and leave a folder unchanged."""
     before = snapshot(folder)
     capture.readouterr()
     code = run_command(list(arguments))

@@ -1,8 +1,8 @@
 """solen: from the index of a resin to the response curve of a 3D-printed soft optical sensor.
 
-Axes and units, everywhere: x is lateral (right is +x), z runs along the undeformed optical axis from the lens vertex
+Axes and units everywhere: x is lateral (right is +x), z runs along the undeformed optical axis from the lens vertex
 into the body, y is out of plane; the undeformed lens vertex is the origin. Lengths are mm, wavelengths nm, angles
-degrees, counter-clockwise with z up and x to the right, so a turn by -3 deg brightens the right receiver. Powers are
+degrees, counter-clockwise with z up and x to the right, so a turn by −3° brightens the right receiver. Powers are
 fractions of the emitted power.
 
 Public names are loaded on first use::
@@ -38,7 +38,7 @@ _NAMES = {
     "save": "solen.spec",
     "working_curve": "solen.api",
 }
-"""Public names and the modules that define them; `__init__.pyi` lists the same for type checkers."""
+"""Modules of the public names, keyed by name; `__init__.pyi` lists the same names for type checkers."""
 
 __all__ = ["__version__", *_NAMES]
 

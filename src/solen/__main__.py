@@ -1,4 +1,4 @@
-"""Run the command `solen` as ``python -m solen``."""
+"""Entry point for ``python -m solen``."""
 
 from solen.cli import main
 

@@ -1,7 +1,7 @@
-"""Functions for scripts: files in, typed results out. Only `export` writes files.
+"""Functions for scripts, which read files and return typed results; only `export` writes files.
 
-Each function does the work of a command, without writing files. Options are given by keyword: they are the fields of
-the options class named in the function's docstring, and `help` of that class describes them.
+Each function does the work of a command. Options are keyword arguments: the fields of the options class named in the
+docstring of the function, which the `help` of that class describes.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ FilePath = Path | str
 
 
 def index_of_layer(file: FilePath, *, sheet: str | None = None, **options: Any) -> "LayerIndex":
-    """Compute the refractive index of a printed layer from a file of its R and T.
+    """Compute the refractive index of a printed layer from a file of R and T.
 
     Options: `solen.material.index.options.IndexOptions`.
     """
@@ -48,7 +48,7 @@ def loss_of_guide(file: FilePath, *, sheet: str | None = None, **options: Any) -
 
 
 def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -> "MeasuredCurve":
-    """Fit the working curve of a resin to a file of cured discs.
+    """Fit the working curve of a resin to a file of thicknesses of cured discs.
 
     Options: `solen.material.cure.CureOptions`.
     """
@@ -61,7 +61,7 @@ def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -
 def measure_lens(
     image: FilePath, design: "Design | FilePath", *, against: "Sequence[Design]" = (), **options: Any
 ) -> "LensInspection":
-    """Measure a printed lens in an image against its design.
+    """Measure a printed lens in an image, and compare it with its design.
 
     Options: `solen.metrology.InspectOptions`.
     """
@@ -69,10 +69,17 @@ def measure_lens(
     from solen.metrology import measure_lens as measure
     from solen.spec import Design, load
 
-    asked = InspectOptions(**options)
-    micrograph = read_image(Path(image), options=asked)
+    inspect_options = InspectOptions(**options)
+    pixels = read_image(Path(image), options=inspect_options)
     part = design if isinstance(design, Design) else load(design)
-    return measure(micrograph, part, edge=asked.edge, against=against, priors=asked, seen_from=asked.seen_from)
+    return measure(
+        pixels,
+        part,
+        edge=inspect_options.edge,
+        against=against,
+        priors=inspect_options,
+        seen_from=inspect_options.seen_from,
+    )
 
 
 def analyse(*recordings: FilePath, **options: Any) -> "Study":
@@ -96,7 +103,7 @@ def diagnose(study: "Study", **options: Any) -> "SensorDiagnoses":
 
 
 def calibrate_sensor(study: "Study", **options: Any) -> "SensorCalibrations":
-    """Calibrate sensors that were analysed.
+    """Calibrate analysed sensors.
 
     Options: `solen.analysis.calibration.CalibrationOptions`.
     """
@@ -113,7 +120,7 @@ def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) 
 
 
 def export(design: "Design | FilePath", folder: FilePath, *formats: str) -> "Outcome[ExportedSolid]":
-    """Write a design's solid and drawings into a folder, in formats ``"stl"``, ``"step"``, …; default: STL and 3MF."""
+    """Write the solid and drawings of a design into a folder, in formats such as ``"step"``; default: STL and 3MF."""
     from solen.pipeline.design.export import export as run
 
     return run(Path(design) if isinstance(design, str) else design, Path(folder), formats)

@@ -1,4 +1,4 @@
-"""The installation: solen's version, the system, optional packages and the compiled tracer's cache.
+"""The installation: version of solen, system, optional packages, and cache of the compiled tracer.
 
 `examine` returns an `Installation`, whose text can be pasted into a bug report.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from solen import __version__
 from solen.extras import PACKAGES, installed
-from solen.registry import GROUPS, offered
+from solen.registry import GROUPS, plugin_entries
 from solen.results import Result
 
 CORE = ("numpy", "scipy", "numba", "matplotlib", "pydantic", "cyclopts")
@@ -20,7 +20,7 @@ CORE = ("numpy", "scipy", "numba", "matplotlib", "pydantic", "cyclopts")
 
 
 @dataclass(frozen=True)
-class Optional:
+class OptionalPackage:
     """An optional package.
 
     Attributes
@@ -72,13 +72,13 @@ class Installation(Result):
     threads
         Number of threads that a trace uses by default.
     packages
-        Versions of the packages that solen always needs, by name.
+        Versions of the packages that solen always requires, keyed by name.
     optional
-        Packages that only some commands need.
+        Packages that only some commands require.
     cache
         Cache of the compiled tracer.
     plugins
-        Additions of other installed packages, by entry-point group.
+        Additions of other installed packages, keyed by entry-point group.
     warnings
         Problems of the installation.
     """
@@ -89,7 +89,7 @@ class Installation(Result):
     executable: str
     threads: int
     packages: dict[str, str]
-    optional: tuple[Optional, ...]
+    optional: tuple[OptionalPackage, ...]
     cache: KernelCache
     plugins: dict[str, tuple[str, ...]]
     warnings: tuple[str, ...]
@@ -98,7 +98,7 @@ class Installation(Result):
 def examine() -> Installation:
     """Describe this installation."""
     cache = kernel_cache()
-    warnings = () if cache.folder else ("the compiled tracer cannot be cached: every run compiles it again",)
+    warnings = () if cache.folder else ("the compiled tracer cannot be cached, so every run compiles it again",)
     return Installation(
         version=__version__,
         python=f"{platform.python_version()} {platform.python_implementation()}",
@@ -107,19 +107,22 @@ def examine() -> Installation:
         threads=os.cpu_count() or 1,
         packages={name: _version(name) or "missing" for name in CORE},
         optional=tuple(
-            Optional(
-                one.distribution, _version(one.distribution) if installed(module) else None, one.extra, one.command
+            OptionalPackage(
+                package.distribution,
+                _version(package.distribution) if installed(module) else None,
+                package.extra,
+                package.command,
             )
-            for module, one in sorted(PACKAGES.items(), key=lambda item: item[1].extra)
+            for module, package in sorted(PACKAGES.items(), key=lambda item: item[1].extra)
         ),
         cache=cache,
-        plugins={group: tuple(offered(group)) for group in GROUPS},
+        plugins={group: tuple(plugin_entries(group)) for group in GROUPS},
         warnings=warnings,
     )
 
 
 def kernel_cache() -> KernelCache:
-    """Return folder and size of the compiled tracer's cache."""
+    """Return the folder and size of the cache of the compiled tracer."""
     from solen.trace.kernel.compiled import cache_folder
 
     folder = cache_folder()

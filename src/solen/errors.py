@@ -1,4 +1,4 @@
-"""Errors that a user can act on: each states in one line what is wrong, the value, the limit and the remedy.
+"""Errors that a user can correct: one line that states the subject, its value, the limit and the remedy.
 
 The class of an error identifies the kind of input at fault; the command line prints the message and exits with code 2.
 Any exception that is not a :class:`SolenError` is a defect of solen itself.
@@ -6,8 +6,8 @@ Any exception that is not a :class:`SolenError` is a defect of solen itself.
 
 import re
 
-_DIGITS = re.compile(r"(\d{12})\d{9,}")  # more digits than any number of a measurement has
-_LETTERS = 200
+_LONG_DIGITS = re.compile(r"(\d{12})\d{9,}")  # more digits than any measured value
+_MAX_LENGTH = 200
 
 
 class SolenError(Exception):
@@ -16,11 +16,11 @@ class SolenError(Exception):
     Parameters
     ----------
     what
-        What is wrong, named as the user did (``lens.half_width_mm``, a file's path).
+        Subject of the error, as the user specified it (``lens.half_width_mm``, the path of a file).
     value
-        The value in question; omitted from the line if ``None``.
+        The value that the user specified; omitted from the line if None.
     limit
-        The limit that it violates.
+        The limit that is violated.
     remedy
         How to correct it.
     """
@@ -30,17 +30,17 @@ class SolenError(Exception):
         self.value = value
         self.limit = limit
         self.remedy = remedy
-        found = "" if value is None else f" = {_shown(value)}"
+        shown_value = "" if value is None else f" = {_shown(value)}"
         tail = "".join(f"; {part}" for part in (limit, remedy) if part)
-        super().__init__(" ".join(f"{what}{found}{tail}".split()))
+        super().__init__(" ".join(f"{what}{shown_value}{tail}".split()))
 
 
 def _shown(value: object) -> str:
-    """Return a value in short form: a number to nine digits, a long text truncated."""
+    """Return a value in short form: numbers to nine digits, long strings truncated."""
     if isinstance(value, float):
         return str(float(f"{value:.9g}"))
-    text = _DIGITS.sub(r"\1…", str(value))
-    text = text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
+    text = _LONG_DIGITS.sub(r"\1…", str(value))
+    text = text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH]}…"
     return repr(text) if isinstance(value, str) else text
 
 
@@ -49,11 +49,11 @@ class SpecError(SolenError):
 
 
 class DataError(SolenError):
-    """A data file (a resin, a scene) cannot be read or contains values that are not physical."""
+    """A data file (a resin, a scene) cannot be read or contains unphysical values."""
 
 
 class DesignError(SolenError):
-    """The design is well formed but cannot be built: an oval beyond tangency, a body crossing itself."""
+    """The design is well formed but cannot be built, for example because the body intersects itself."""
 
 
 class OutputError(SolenError):
@@ -61,7 +61,7 @@ class OutputError(SolenError):
 
 
 class FrozenError(SolenError, AttributeError):
-    """Assignment to a field of a design, of options or of a result, which are immutable."""
+    """A field of a design, of options or of a result was assigned; they are immutable."""
 
 
 class BenchError(SolenError):

@@ -1,11 +1,11 @@
-"""Expressions such as ``abs(null_deg) < 0.3``, parsed and never run as code.
+"""Expressions such as ``abs(null_deg) < 0.3``, which are parsed and never executed.
 
 Allowed are names, numbers, + - * / ** and parentheses, abs, min and max, comparisons, ``and``, ``or`` and ``not``. A
-`Grammar` defines the names. It may also define functions of one name, such as ``worst(light)``, whose value is looked
-up under the name ``worst light``.
+`Grammar` defines the names. It may also define functions whose argument is a name, such as ``worst(light)``, whose
+value is looked up under the name ``worst light``.
 
-`parsed` parses a text, and `names` lists its names; `value` evaluates it, `slopes` differentiates it with respect to
-its names, and `missed` measures by how much a condition is not met.
+`parsed` parses a text, and `names` lists its names; `value` evaluates it, `derivatives` differentiates it with respect
+to its names, and `violation` measures by how much a condition is not met.
 """
 
 import ast
@@ -28,7 +28,7 @@ _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.UAdd: operator.pos,
     ast.USub: operator.neg,
 }
-_COMPARED: Mapping[type, Callable[..., Any]] = {
+_COMPARISONS: Mapping[type, Callable[..., Any]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
@@ -43,7 +43,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True)
 class Grammar:
-    """What an expression may contain.
+    """Names and functions that an expression may contain.
 
     Attributes
     ----------
@@ -52,18 +52,18 @@ class Grammar:
     is_condition
         Whether the expression is a condition; otherwise it is a value.
     refusal
-        Makes an error from a limit and a remedy, which may be empty.
+        Function that returns an error from a limit and a remedy, which may be empty.
     check
-        Raises an error for an unknown name.
+        Function that raises an error for an unknown name.
     of_a_name
         Functions whose argument is a single name.
     """
 
-    what: str
+    noun: str
     is_condition: bool
     refusal: Callable[[str, str], Exception]
     check: Callable[[str], object]
-    of_a_name: Collection[str] = ()
+    name_functions: Collection[str] = ()
 
 
 def parsed(text: str, grammar: Grammar) -> ast.expr:
@@ -73,11 +73,11 @@ def parsed(text: str, grammar: Grammar) -> ast.expr:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise grammar.refusal("is not an expression", "") from None
+        raise grammar.refusal("must be an expression", "") from None
     if grammar.is_condition and not _is_condition(tree):
-        raise grammar.refusal("is not a condition", "compare two sides with <, <=, > or >=")
+        raise grammar.refusal("must be a condition", "compare two sides with <, <=, > or >=")
     if not grammar.is_condition and any(isinstance(node, ast.Compare | ast.BoolOp) for node in ast.walk(tree)):
-        raise grammar.refusal("is a condition, not a value", "")
+        raise grammar.refusal("must be a value, not a condition", "")
     return tree
 
 
@@ -90,8 +90,8 @@ def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
         return [node.id]
     if isinstance(node, ast.Constant):
         return _no_names(node, grammar)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in grammar.of_a_name:
-        return [_of_a_name(node, node.func.id, grammar)]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in grammar.name_functions:
+        return [_name_function(node, node.func.id, grammar)]
     parts: list[ast.AST]
     if isinstance(node, ast.Call):
         parts = _arguments(node, grammar)
@@ -99,15 +99,15 @@ def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
         parts = [node.left, node.right]
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub | ast.Not):
         parts = [node.operand]
-    elif isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
+    elif isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
         parts = [node.left, *node.comparators]
     elif isinstance(node, ast.BoolOp):
         parts = list(node.values)
     else:
-        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
-    within = isinstance(node, ast.BoolOp) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
-    if any(isinstance(part, ast.expr) and _is_condition(part) is not within for part in parts):
-        raise grammar.refusal(f"{ast.unparse(node)} takes {'conditions' if within else 'values'}", "")
+        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.noun}s", "")
+    takes_conditions = isinstance(node, ast.BoolOp) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+    if any(isinstance(part, ast.expr) and _is_condition(part) is not takes_conditions for part in parts):
+        raise grammar.refusal(f"{ast.unparse(node)} takes {'conditions' if takes_conditions else 'values'}", "")
     return [name for part in parts for name in names(part, grammar, depth + 1)]
 
 
@@ -117,7 +117,7 @@ def value(node: ast.expr, values: Mapping[str, Any]) -> Any:
         case ast.Name():
             return values[node.id]
         case ast.Constant():
-            return np.float64(node.value)  # type: ignore[arg-type]  # numbers alone pass the check
+            return np.float64(node.value)  # type: ignore[arg-type]  # only numbers pass the check
         case ast.Call(func=ast.Name(id=function), args=args) if function in _FUNCTIONS:
             return _FUNCTIONS[function](*(value(part, values) for part in args))
         case ast.Call(func=ast.Name(id=function), args=[ast.Name(id=name)]):
@@ -133,11 +133,11 @@ def value(node: ast.expr, values: Mapping[str, Any]) -> Any:
         case ast.Compare():
             sides = [value(part, values) for part in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides, sides[1:], strict=False)
-            return np.logical_and.reduce(np.broadcast_arrays(*(_COMPARED[type(op)](a, b) for op, a, b in pairs)))
+            return np.logical_and.reduce(np.broadcast_arrays(*(_COMPARISONS[type(op)](a, b) for op, a, b in pairs)))
     raise TypeError(ast.dump(node))
 
 
-def slopes(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
+def derivatives(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
     """Return the exact derivatives of a checked tree of values with respect to each name in it.
 
     For abs, min and max they are the derivatives of the selected branch.
@@ -147,32 +147,34 @@ def slopes(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
             return {node.id: np.float64(1.0)}
         case ast.UnaryOp():
             sign = -1.0 if isinstance(node.op, ast.USub) else 1.0
-            return _sum((sign, slopes(node.operand, values)))
+            return _sum((sign, derivatives(node.operand, values)))
         case ast.BinOp():
             by_left, by_right = _by_sides(node.op, value(node.left, values), value(node.right, values))
-            return _sum((by_left, slopes(node.left, values)), (by_right, slopes(node.right, values)))
+            return _sum((by_left, derivatives(node.left, values)), (by_right, derivatives(node.right, values)))
         case ast.Call(func=ast.Name(id="abs"), args=[part]):
-            return _sum((np.where(value(part, values) < 0.0, -1.0, 1.0), slopes(part, values)))
+            return _sum((np.where(value(part, values) < 0.0, -1.0, 1.0), derivatives(part, values)))
         case ast.Call():
-            whole = value(node, values)
-            taken = np.array(np.broadcast_arrays(*(value(part, values) == whole for part in node.args)), dtype=float)
-            shares = taken / np.maximum(taken.sum(axis=0), 1.0)
-            return _sum(*((share, slopes(part, values)) for share, part in zip(shares, node.args, strict=True)))
+            result = value(node, values)
+            selected = np.array(
+                np.broadcast_arrays(*(value(part, values) == result for part in node.args)), dtype=float
+            )
+            weights = selected / np.maximum(selected.sum(axis=0), 1.0)
+            return _sum(*((weight, derivatives(part, values)) for weight, part in zip(weights, node.args, strict=True)))
     return {}
 
 
-def missed(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Return by how much a condition is not met: the difference of its sides relative to their size; 0 if it is met."""
+def violation(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """Return the violation of a condition: the difference of its sides relative to their size; 0 if it is met."""
     if isinstance(node, ast.BoolOp):
-        parts = np.broadcast_arrays(*(missed(part, values) for part in node.values))
+        parts = np.broadcast_arrays(*(violation(part, values) for part in node.values))
         return np.sum(parts, axis=0) if isinstance(node.op, ast.And) else np.min(parts, axis=0)
     if not isinstance(node, ast.Compare):
-        return np.ones(())  # of a negation it is not known
+        return np.ones(())  # unknown for a negation
     sides = [np.asarray(value(part, values)) for part in (node.left, *node.comparators)]
     pairs = zip(node.ops, sides, sides[1:], strict=False)
-    away = [b - a if isinstance(op, ast.Gt | ast.GtE) else a - b for op, a, b in pairs]
+    excesses = [b - a if isinstance(op, ast.Gt | ast.GtE) else a - b for op, a, b in pairs]
     size = max(float(np.nan_to_num(np.abs(side)).max()) for side in sides) or 1.0
-    return np.sum([np.maximum(one, 0.0) / size for one in away], axis=0)
+    return np.sum([np.maximum(excess, 0.0) / size for excess in excesses], axis=0)
 
 
 def _is_condition(node: ast.expr) -> bool:
@@ -183,10 +185,10 @@ def _is_condition(node: ast.expr) -> bool:
     return isinstance(node, ast.Compare)
 
 
-def _of_a_name(node: ast.Call, function: str, grammar: Grammar) -> str:
-    """Return the name under which the value of a function of one name is stored."""
+def _name_function(node: ast.Call, function: str, grammar: Grammar) -> str:
+    """Return the name under which the value of a function of a name is stored."""
     if not (len(node.args) == 1 and not node.keywords and isinstance(node.args[0], ast.Name)):
-        raise grammar.refusal(f"{function} needs one {grammar.what}", "")
+        raise grammar.refusal(f"{function} requires one {grammar.noun}", "")
     name = f"{function} {node.args[0].id}"
     grammar.check(name)
     return name
@@ -195,18 +197,19 @@ def _of_a_name(node: ast.Call, function: str, grammar: Grammar) -> str:
 def _arguments(node: ast.Call, grammar: Grammar) -> list[ast.AST]:
     """Return the arguments of a function call that an expression may contain."""
     if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
-        raise grammar.refusal(f"functions are {', '.join((*_FUNCTIONS, *grammar.of_a_name))}", "")
+        functions = ", ".join((*_FUNCTIONS, *grammar.name_functions))
+        raise grammar.refusal(f"{ast.unparse(node)} is not allowed; the functions are {functions}", "")
     if node.func.id == "abs" and len(node.args) > 1:
-        raise grammar.refusal("abs needs one value", "")
+        raise grammar.refusal("abs requires one value", "")
     return list(node.args)
 
 
 def _no_names(node: ast.Constant, grammar: Grammar) -> list[str]:
-    """Return no names for a constant; raise an error if it is not a number or too large."""
+    """Return no names for a constant; raise an error if it is not a number or is too large."""
     if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
+        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.noun}s", "")
     if not abs(node.value) < MAX_NUMBER:
-        raise grammar.refusal("has too large a number", "")
+        raise grammar.refusal("contains a number that is too large", "")
     return []
 
 
@@ -226,6 +229,6 @@ def _sum(*parts: tuple[Any, dict[str, Any]]) -> dict[str, Any]:
     """Return the sum of derivatives, each multiplied by the derivative of the outer function (chain rule)."""
     total: dict[str, Any] = {}
     for factor, inner in parts:
-        for name, slope in inner.items():
-            total[name] = total.get(name, 0.0) + factor * slope
+        for name, derivative in inner.items():
+            total[name] = total.get(name, 0.0) + factor * derivative
     return total

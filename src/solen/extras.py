@@ -1,4 +1,4 @@
-"""Optional packages: the extra that installs each, and the error if one is missing.
+"""Optional packages: the extra that installs each of them, and the error if one is missing.
 
 A plain installation works without them. A function that uses one checks for it, then imports it locally::
 
@@ -16,7 +16,7 @@ from solen.errors import OutputError, SolenError
 
 @dataclass(frozen=True)
 class Package:
-    """Package that provides a module.
+    """A package that provides a module.
 
     Parameters
     ----------
@@ -30,16 +30,16 @@ class Package:
 
     distribution: str
     extra: str
-    known_as: str = ""
+    title: str = ""
 
     @property
     def name(self) -> str:
         """Name of the package in messages."""
-        return self.known_as or self.distribution
+        return self.title or self.distribution
 
     @property
     def command(self) -> str:
-        """Command that installs all packages of the extra, in any folder; solen itself is on no package index."""
+        """Command that installs all packages of the extra, without solen itself, which is on no package index."""
         return "pip install " + " ".join(f'"{text}"' for text in _requirements(self.extra) or [f".[{self.extra}]"])
 
 
@@ -71,11 +71,11 @@ PACKAGES = {
     "xarray": Package("xarray", "netcdf"),
     "xlrd": Package("xlrd", "xls"),
 }
-"""The package that provides each module, by the module's import name."""
+"""Packages, keyed by the import name of the module that they provide."""
 
 
 def _requirements(extra: str) -> list[str]:
-    """Return the requirements of an extra without its markers; none if solen runs uninstalled from a clone."""
+    """Return the requirements of an extra without markers; none if solen runs from a clone without installation."""
     try:
         lines = requires("solen-sensor") or []
     except PackageNotFoundError:
@@ -103,11 +103,11 @@ def need(
     modules
         Import names; nothing is imported.
     what, value
-        Subject of the error as the user named it (an option, a file), and its value.
+        Subject of the error as the user specified it (an option, a file), and its value.
     doing
-        What the module is needed for: "writing STEP".
+        Purpose for which the module is required: "writing STEP".
     otherwise
-        Alternative to installing the package: "export a CSV".
+        Alternative to the installation of the package: "export a CSV".
     error
         Class of the error to raise.
 
@@ -119,6 +119,6 @@ def need(
     for module in modules:
         if not installed(module):
             package = PACKAGES[module]
-            limit = f"{doing} needs {package.name}, which is not installed".lstrip()
+            limit = f"{doing} requires {package.name}, which is not installed".lstrip()
             remedy = package.command + (f", or {otherwise}" if otherwise else "")
             raise error(what, value=value, limit=limit, remedy=remedy)

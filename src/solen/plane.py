@@ -20,7 +20,7 @@ def dot(a: Point, b: Point) -> float:
 
 
 def cross(a: Point, b: Point) -> float:
-    """Return the out-of-plane component of the vector product: positive if ``b`` is to the left of ``a``."""
+    """Return the out-of-plane component of the vector product, which is positive if ``b`` is to the left of ``a``."""
     return a[0] * b[1] - a[1] * b[0]
 
 
@@ -77,21 +77,21 @@ class Rigid:
     def nearest(
         cls, before: NDArray[np.float64], after: NDArray[np.float64], weight: NDArray[np.float64] | None = None
     ) -> "Rigid":
-        """Return the least-squares motion from points (N, 2) to others; exactly the identity if none moves."""
+        """Return the least-squares rigid motion between points (N, 2); exactly the identity if they are equal."""
         if np.array_equal(before, after):
             return cls()
-        share = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()
-        start, goal = share @ before, share @ after
-        (x, z), (to_x, to_z) = (before - start).T, (after - goal).T
-        c, s = float(share @ (x * to_x + z * to_z)), float(share @ (x * to_z - z * to_x))
+        weights = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()
+        start, target = weights @ before, weights @ after
+        (x, z), (to_x, to_z) = (before - start).T, (after - target).T
+        c, s = float(weights @ (x * to_x + z * to_z)), float(weights @ (x * to_z - z * to_x))
         size = math.hypot(c, s)
         turn = cls(c / size, s / size) if size > 0.0 else cls()
-        shift = goal - turn.points(start[None])[0]
+        shift = target - turn.points(start[None])[0]
         return cls(turn.cos, turn.sin, (float(shift[0]), float(shift[1])))
 
     @property
     def angle_deg(self) -> float:
-        """Angle of the rotation, counter-clockwise, from -180 to 180."""
+        """Angle of the rotation, counter-clockwise, from −180 to 180."""
         return math.degrees(math.atan2(self.sin, self.cos))
 
     def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,11 +108,11 @@ class Rigid:
         return (self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1])
 
 
-def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+def deviation_from_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     """Return the largest deviation along y of points (N,), x ascending, from their minimax straight line.
 
-    It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on the convex
-    hull.
+    This is half the height, along y, of the narrowest strip that contains the points; one side of the strip lies on
+    their convex hull.
     """
     points = x.tolist(), y.tolist()
     sides = [end for side in (1.0, -1.0) for end in pairwise(_chain(*points, side))]
@@ -124,12 +124,12 @@ def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 def _chain(x: list[float], y: list[float], side: float) -> list[int]:
     """Return the upper (1) or lower (−1) side of the convex hull, from left to right."""
     numbers: list[int] = []
-    for place in range(len(x)):
+    for i in range(len(x)):
         while len(numbers) > 1:
             a, b = numbers[-2], numbers[-1]
-            turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])
+            turn = (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a])
             if side * turn < 0.0:
                 break
             numbers.pop()
-        numbers.append(place)
+        numbers.append(i)
     return numbers

@@ -12,13 +12,13 @@ Progress = Callable[[float], None]
 """A function called with the completed fraction of the work, from 0 to 1."""
 
 
-def part_of(progress: Progress | None, first: float, parts: float = 1.0, length: float = 1.0) -> Progress | None:
-    """Return the progress of part of some work, given where the part begins and its length in units of ``parts``."""
-    return None if progress is None else lambda done: progress((first + length * done) / parts)
+def part_of(progress: Progress | None, first: float, total: float = 1.0, length: float = 1.0) -> Progress | None:
+    """Return the function for the progress of a part that begins at ``first`` and has ``length``, out of ``total``."""
+    return None if progress is None else lambda done: progress((first + length * done) / total)
 
 
 def tracked(items: Collection[T], progress: Progress | None) -> Iterator[T]:
-    """Yield items in turn; after each, report the fraction of items that are done."""
+    """Yield items in turn, and report the completed fraction after each."""
     for done, item in enumerate(items, start=1):
         yield item
         if progress is not None:
@@ -28,11 +28,11 @@ def tracked(items: Collection[T], progress: Progress | None) -> Iterator[T]:
 def on_threads(
     work: Callable[[T], R], items: Collection[T], progress: Progress | None = None, threads: int | None = None
 ) -> list[R]:
-    """Return the results of a function for each item, in order, computed by default on one thread per core.
+    """Return the results of a function for all items, in order; by default one thread per core computes them.
 
     If one item fails, those not yet started are cancelled.
     """
-    if len(items) == 1:  # starting a thread takes as long as tracing few rays
+    if len(items) == 1:  # starting a thread takes as long as tracing a few rays
         return [work(item) for item in tracked(items, progress)]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         try:

@@ -1,12 +1,12 @@
 """Registries: dictionaries that other installed packages can extend.
 
-Solen's own entries are a plain dictionary in the module of the interface that they implement. Another package adds an
-entry with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
+The entries of solen are a plain dictionary in the module of the interface that they implement. Another package adds an
+entry with a module, and an entry point of the registry's group in its ``pyproject.toml``::
 
     [project.entry-points."solen.instruments"]
     my-board = "mylab.board:MyBoard"
 
-Another package is imported only when its name is looked up.
+The other package is imported only when its entry is looked up.
 
 Public names: `Registry`, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS`, `PRINTERS` and `FINISHES`.
 """
@@ -28,21 +28,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Registry(Mapping[str, T], Generic[T]):
-    """Entries by name: solen's own, and those that other packages add under an entry-point group.
+    """Entries keyed by name: those of solen, and those that other packages add as entry points of a group.
 
     Parameters
     ----------
     group
         Group of the entry points.
     own
-        solen's own entries.
+        The entries of solen.
     kind
-        Type of an entry of another package, or the class from which it must derive.
+        Type that an entry of another package must have, or from which it must be derived.
 
     Raises
     ------
     SolenError
-        On access, if another package's entry cannot be imported or has another type.
+        On access, if an entry of another package cannot be imported or has another type.
     """
 
     group: str
@@ -54,21 +54,21 @@ class Registry(Mapping[str, T], Generic[T]):
         if name in self.own:
             return self.own[name]
         if name not in self._loaded:
-            self._loaded[name] = self._load(offered(self.group)[name])
+            self._loaded[name] = self._load(plugin_entries(self.group)[name])
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self.own, *offered(self.group)]))
+        return iter(dict.fromkeys([*self.own, *plugin_entries(self.group)]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.own or name in offered(self.group)
+        return name in self.own or name in plugin_entries(self.group)
 
     def added(self) -> dict[str, T]:
         """Load and return the additions of other packages."""
-        return {name: self[name] for name in offered(self.group) if name not in self.own}
+        return {name: self[name] for name in plugin_entries(self.group) if name not in self.own}
 
     def _load(self, entry: EntryPoint) -> T:
         what = f"entry point {entry.name} of {self.group}"
@@ -82,10 +82,10 @@ class Registry(Mapping[str, T], Generic[T]):
         if not fits:
             limit = f"must be a {self.kind.__name__}"
             raise SolenError(what, value=entry.value, limit=limit, remedy=f"update or remove {package}")
-        return loaded  # type: ignore[no-any-return]  # its kind was just checked
+        return loaded  # type: ignore[no-any-return]  # its type has been checked
 
 
 @cache
-def offered(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name, without loading them."""
+def plugin_entries(group: str) -> Mapping[str, EntryPoint]:
+    """Return the entry points of a group, keyed by name, without loading them."""
     return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}

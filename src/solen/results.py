@@ -32,7 +32,7 @@ if typing.TYPE_CHECKING:
 
 HIDDEN: Mapping[str, Any] = types.MappingProxyType({"reported": False})
 """Metadata of a field that JSON omits: ``scene: Scene = field(metadata=HIDDEN)``."""
-_SHOWN_ENTRIES = 4  # of a long list in a repr
+_SHOWN_ENTRIES = 4  # entries of a long list in a repr
 _SHOWN_FIELDS = 14
 
 
@@ -48,47 +48,47 @@ else:
         """A reported property, computed on first use and cached."""
 
 
-AS_STATED = {"options", "sources"}
-"""Fields whose keys are defined by other tables."""
+UNCHANGED_KEYS = {"options", "sources"}
+"""Fields whose inner keys are defined elsewhere, and are therefore not converted."""
 
 
 def in_unit(data: dict[str, Any], unit: str, before: str = "V") -> dict[str, Any]:
-    """Convert keys to another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    """Return data with the unit in its keys replaced: ``range_pF``, ``sensitivity_lux_per_deg``."""
     if unit == before:
         return data
     return rekeyed(data, re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))"), as_key(unit))
 
 
 def rekeyed(data: dict[str, Any], part: re.Pattern[str], text: str) -> dict[str, Any]:
-    """Return plain data with a part of its keys replaced."""
+    """Return plain data in which part of each key is replaced."""
 
     def inner(value: Any) -> Any:
         if isinstance(value, list):
             return [inner(item) for item in value]
         return rekeyed(value, part, text) if isinstance(value, dict) else value
 
-    return {part.sub(text, key): value if key in AS_STATED else inner(value) for key, value in data.items()}
+    return {part.sub(text, key): value if key in UNCHANGED_KEYS else inner(value) for key, value in data.items()}
 
 
 def as_key(unit: str) -> str:
-    """Return a unit as spelled in a key."""
+    """Return the spelling of a unit in a key."""
     return re.sub(r"\W+", "_", unit).strip("_")
 
 
 @typing.dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(dataclasses.field,))
 class Result:
-    """Base of every typed result; derived classes become frozen dataclasses.
+    """Base class of typed results; derived classes become frozen dataclasses.
 
-    Results hold arrays, so they compare by identity; a class of plain values may compare by value:
+    Results contain arrays and therefore compare by identity; a class of plain values may compare by value:
     ``class NewDesign(Result, eq=True)``.
     """
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
-    def __init_subclass__(cls, eq: bool = False, kw_only: bool = False, **more: Any) -> None:
-        super().__init_subclass__(**more)
+    def __init_subclass__(cls, eq: bool = False, kw_only: bool = False, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
         dataclasses.dataclass(frozen=True, eq=eq, repr=False, kw_only=kw_only)(cls)
-        del cls.__setattr__, cls.__delattr__  # those of every frozen dataclass, in favour of the ones below
+        del cls.__setattr__, cls.__delattr__  # replaced by the methods below
 
     def __setattr__(self, name: str, value: Any) -> None:
         remedy = f"dataclasses.replace(result, {name}={_short(value)}) makes a changed copy"
@@ -102,10 +102,11 @@ class Result:
         return {name: plain(value) for name, value in entries(self)}
 
     def to_dataset(self) -> "xarray.Dataset":
-        """Return the result's numbers as an xarray dataset; this needs the extra ``netcdf``.
+        """Return the arrays and numbers of the result as an xarray dataset; this requires the extra ``netcdf``.
 
-        Unless the result's class defines something else, the first array field is the coordinate of one-dimensional
-        arrays of its length; other arrays have dimensions of their own. Texts, numbers and flags become attributes.
+        Unless the class of the result defines something else, the first array field is the coordinate of
+        one-dimensional arrays of its length; other arrays have their own dimensions. Strings, numbers and flags become
+        attributes.
 
         Raises
         ------
@@ -122,24 +123,31 @@ class Result:
         values = dict(entries(self))
         arrays = {name: np.asarray(value) for name, value in values.items() if isinstance(value, np.ndarray)}
         axis = next((name for name, array in arrays.items() if array.ndim == 1), None)
-        along = arrays[axis].shape[0] if axis is not None else -1
+        length = arrays[axis].shape[0] if axis is not None else -1
         variables: dict[str, tuple[tuple[str, ...], Any]] = {}
         for name, array in arrays.items():
             dimensions = tuple(
-                str(axis) if size == along else f"{name}_{place}" for place, size in enumerate(array.shape)
+                str(axis) if size == length else f"{name}_{axis_number}" for axis_number, size in enumerate(array.shape)
             )
-            variables[name] = (dimensions if len(set(dimensions)) == array.ndim else _own(name, array.ndim), array)
-        kept = {name: value for name, value in values.items() if isinstance(value, str | int | float | np.generic)}
-        attributes = {name: int(value) if isinstance(value, bool | np.bool_) else value for name, value in kept.items()}
+            variables[name] = (
+                dimensions if len(set(dimensions)) == array.ndim else _own_dimensions(name, array.ndim),
+                array,
+            )
+        scalar_values = {
+            name: value for name, value in values.items() if isinstance(value, str | int | float | np.generic)
+        }
+        attributes = {
+            name: int(value) if isinstance(value, bool | np.bool_) else value for name, value in scalar_values.items()
+        }
         return variables, {}, attributes
 
     def __repr__(self) -> str:
-        """Show each value with its name in a few lines, and long arrays by their size."""
+        """Return each value with its name on a line; long arrays are described by their size."""
         lines = [f"  {name} = {value}" for name, value in _summary(self)]
         return "\n".join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
-        """Show the values as a table, for notebooks."""
+        """Return the values as an HTML table, for notebooks."""
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
             for name, value in _summary(self)
@@ -152,7 +160,7 @@ R = typing.TypeVar("R", bound=Result, covariant=True)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome(typing.Generic[R]):
-    """Outcome of a command: its result, and the written files by content ("figure", "out")."""
+    """Outcome of a command: its result, and the written files, keyed by content ("figure", "out")."""
 
     result: R
     files: Mapping[str, Path] = dataclasses.field(default_factory=dict)
@@ -171,20 +179,20 @@ def entries(value: Any) -> Iterator[tuple[str, Any]]:
         yield name, getattr(value, name)
 
 
-def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
-    """Return numbers, texts and flags of a dataclass by name; those of nested dataclasses as ``deviation.rms_um``."""
+def scalars(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the names and values of all scalars of a dataclass; those of nested dataclasses as ``deviation.rms_um``."""
     for name, entry in entries(value):
         if dataclasses.is_dataclass(entry):
-            yield from scalars(entry, f"{within}{name}.")
+            yield from scalars(entry, f"{prefix}{name}.")
         elif isinstance(entry, str | int | float | np.generic | Path | None):
-            yield f"{within}{name}", entry
+            yield f"{prefix}{name}", entry
 
 
 @functools.singledispatch
 def plain(value: Any) -> Any:
-    """Convert a value for JSON to lists, dictionaries, texts, finite numbers, booleans and None."""
+    """Return a value as plain data for JSON: lists, dictionaries, strings, finite numbers, booleans and None."""
     if dataclasses.is_dataclass(value):
-        return {name: plain(one) for name, one in entries(value)}
+        return {name: plain(item) for name, item in entries(value)}
     if hasattr(value, "model_dump"):
         return plain(value.model_dump())
     raise TypeError(f"{type(value).__name__} cannot be converted to JSON: hide the field or report a part of it")
@@ -232,25 +240,25 @@ def _(value: dt.date) -> str:
 
 @plain.register(Mapping)
 def _(value: Mapping[Any, Any]) -> dict[str, Any]:
-    return {str(key): plain(one) for key, one in value.items()}
+    return {str(key): plain(item) for key, item in value.items()}
 
 
 @plain.register(Sequence)
 @plain.register(Set)
 def _(value: Sequence[Any]) -> list[Any]:
-    return [plain(one) for one in value]
+    return [plain(item) for item in value]
 
 
 def schema_of(kind: Any) -> dict[str, Any]:
-    """Return the JSON Schema of a type as `plain` converts it; the docstring of a dataclass describes its fields."""
-    origin, inside = typing.get_origin(kind), typing.get_args(kind)
+    """Return the JSON Schema of a type as converted by `plain`; the docstring of a dataclass describes its fields."""
+    origin, parameters = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
-        return schema_of(inside[0])
+        return schema_of(parameters[0])
     if origin is typing.Literal:
-        return {"enum": list(inside)}
+        return {"enum": list(parameters)}
     if origin in {typing.Union, types.UnionType}:
-        return {"anyOf": [schema_of(one) for one in inside]}
-    return _class_schema(origin or kind, inside) if isinstance(origin or kind, type) else {}
+        return {"anyOf": [schema_of(item) for item in parameters]}
+    return _class_schema(origin or kind, parameters) if isinstance(origin or kind, type) else {}
 
 
 _JSON_TYPES: tuple[tuple[type | tuple[type, ...], Any], ...] = (
@@ -263,23 +271,23 @@ _JSON_TYPES: tuple[tuple[type | tuple[type, ...], Any], ...] = (
 )
 
 
-def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
+def _class_schema(kind: type, parameters: tuple[Any, ...]) -> dict[str, Any]:
     """Return the schema of a generic class with its type arguments."""
-    for known, name in _JSON_TYPES:
-        if issubclass(kind, known):
+    for base, name in _JSON_TYPES:
+        if issubclass(kind, base):
             return {"type": name}
     if inspect.isabstract(kind) and (issubclass(kind, Result) or hasattr(kind, "model_json_schema")):
         return {"anyOf": [schema_of(leaf) for leaf in kind.__subclasses__()]}
     if issubclass(kind, Mapping):
-        return {"type": "object"} | ({"additionalProperties": schema_of(inside[1])} if len(inside) == 2 else {})
+        return {"type": "object"} | ({"additionalProperties": schema_of(parameters[1])} if len(parameters) == 2 else {})
     if dataclasses.is_dataclass(kind):
         return _object_schema(kind)
     if hasattr(kind, "model_json_schema"):
         schema = kind.model_json_schema(mode="serialization")
         return typing.cast("dict[str, Any]", _inlined(schema, schema.get("$defs", {})))
     if issubclass(kind, Sequence | Set):
-        alike = len(inside) == 1 or inside[1:] == (...,)
-        return {"type": "array"} | ({"items": schema_of(inside[0])} if alike else {})
+        alike = len(parameters) == 1 or parameters[1:] == (...,)
+        return {"type": "array"} | ({"items": schema_of(parameters[0])} if alike else {})
     return {}
 
 
@@ -290,8 +298,8 @@ def _inlined(schema: Any, definitions: Mapping[str, Any]) -> Any:
     if not isinstance(schema, dict):
         return schema
     referred = definitions[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else {}
-    whole = {**referred, **schema}
-    return {key: _inlined(part, definitions) for key, part in whole.items() if key not in {"$ref", "$defs"}}
+    merged = {**referred, **schema}
+    return {key: _inlined(part, definitions) for key, part in merged.items() if key not in {"$ref", "$defs"}}
 
 
 def _object_schema(kind: type) -> dict[str, Any]:
@@ -302,12 +310,13 @@ def _object_schema(kind: type) -> dict[str, Any]:
         if not field.name.startswith("_") and field.metadata.get("reported", True)
     }
     for name in _reported(kind):
-        attribute = getattr(kind, name)  # a subclass may state a number in place of the property
+        attribute = getattr(kind, name)  # a subclass may replace the property by a value
         getter = getattr(attribute, "fget", None) or getattr(attribute, "func", None)
         kinds[name] = typing.get_type_hints(getter).get("return", Any) if getter is not None else Any
-    words = described(kind)
+    descriptions = described(kind)
     properties = {
-        name: schema_of(kind) | ({"description": words[name]} if name in words else {}) for name, kind in kinds.items()
+        name: schema_of(kind) | ({"description": descriptions[name]} if name in descriptions else {})
+        for name, kind in kinds.items()
     }
     schema: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
     text = inspect.getdoc(kind) if kind.__doc__ else None
@@ -315,13 +324,13 @@ def _object_schema(kind: type) -> dict[str, Any]:
 
 
 def _summary_line(text: str) -> str:
-    """Return the first paragraph of a docstring, in one line."""
+    """Return the first paragraph of a docstring as one line."""
     return " ".join(text.partition("\n\n")[0].split())
 
 
 def described(kind: type) -> dict[str, str]:
-    """Return descriptions of a dataclass's fields, from the Attributes of its docstring and from its properties."""
-    words: dict[str, str] = {}
+    """Return descriptions of the fields of a dataclass, from the Attributes of its docstring and its properties."""
+    descriptions: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         names: list[str] = []
         for line in (base.__doc__ or "").partition("Attributes\n")[2].splitlines()[1:]:
@@ -329,34 +338,34 @@ def described(kind: type) -> dict[str, str]:
             if text and len(line) - len(line.lstrip()) <= 4:
                 names = [name.strip() for name in text.split(",")]
             elif text:
-                words |= {name: f"{words.get(name, '')} {text}".strip() for name in names}
+                descriptions |= {name: f"{descriptions.get(name, '')} {text}".strip() for name in names}
     for name in _reported(kind):
-        words[name] = _summary_line(inspect.getdoc(getattr(kind, name)) or "")
-    return words
+        descriptions[name] = _summary_line(inspect.getdoc(getattr(kind, name)) or "")
+    return descriptions
 
 
 def _reported(kind: type) -> list[str]:
-    """Return the names of a type's reported properties, inherited ones first."""
-    found: dict[str, None] = {}
+    """Return the names of the reported properties of a type, inherited ones first."""
+    names: dict[str, None] = {}
     for base in reversed(kind.__mro__):
-        found |= dict.fromkeys(
+        names |= dict.fromkeys(
             name for name, value in vars(base).items() if isinstance(value, reported | reported_once)
         )
-    return list(found)
+    return list(names)
 
 
-def _own(name: str, dimensions: int) -> tuple[str, ...]:
-    return tuple(f"{name}_{place}" for place in range(dimensions))
+def _own_dimensions(name: str, dimensions: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{axis_number}" for axis_number in range(dimensions))
 
 
 def _summary(result: Any) -> list[tuple[str, str]]:
     rows = [(name, _short(value)) for name, value in entries(result)]
-    more = len(rows) - _SHOWN_FIELDS
-    return rows if more <= 1 else [*rows[:_SHOWN_FIELDS], ("...", f"{more} more")]
+    omitted = len(rows) - _SHOWN_FIELDS
+    return rows if omitted <= 1 else [*rows[:_SHOWN_FIELDS], ("...", f"{omitted} more")]
 
 
 def _short(value: Any) -> str:
-    """Return a value in a few words."""
+    """Return a value in abbreviated form."""
     if isinstance(value, np.ndarray):
         if value.size == 0 or value.dtype.kind not in "fiu":
             return f"array {value.shape}"
@@ -371,7 +380,7 @@ def _short(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"{type(value).__name__} of {', '.join(str(key) for key in value)}"[:100]
     if isinstance(value, Sequence | Set):
-        texts = [_short(one) for one in list(value)[:_SHOWN_ENTRIES]]
+        texts = [_short(item) for item in list(value)[:_SHOWN_ENTRIES]]
         return ", ".join(texts)[:100] + (f", ... ({len(value)})" if len(value) > _SHOWN_ENTRIES else "")
     name = getattr(value, "name", None)
     return name if isinstance(name, str) and name else type(value).__name__

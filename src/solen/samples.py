@@ -1,7 +1,7 @@
-"""Sample data for every command: `solen project examples` copies them, and the tutorials start from them.
+"""Sample data for every command, which `solen project examples` copies and the tutorials use.
 
-None of them was measured. Tables state this in their first line; images, the video and the journal state it also in
-their names. Designs, protocols and rigs define what is simulated.
+All data are simulated. Tables state this in their first line, and the names of all files of data contain it. Designs,
+protocols and rigs define what is simulated.
 """
 
 from pathlib import Path
@@ -15,10 +15,10 @@ FOLDER = Path(__file__).parent / "examples"
 
 
 class Sample(NamedTuple):
-    """A file of simulated measurements: its name without ``-simulated``, its content, and a command that reads it."""
+    """A file of simulated measurements: its name without ``-simulated``, its content, and a command for it."""
 
     name: str
-    holds: str
+    content: str
     command: str
 
 
@@ -33,17 +33,17 @@ MEASURED = (
     Sample(
         "cube.csv", "force on a cube of 10 mm, compressed twice", "resin stiffness FILE --cube-mm 10 --fit neo-hookean"
     ),
-    Sample("pillars.png", "the coupon group-a", "print fidelity FILE --coupon group-a --um-per-px 14"),
-    Sample("holes.png", "the coupon holes", "print fidelity FILE --coupon holes --um-per-px 14"),
+    Sample("pillars.png", "the group-a coupon", "print fidelity FILE --coupon group-a --um-per-px 14"),
+    Sample("holes.png", "the holes coupon", "print fidelity FILE --coupon holes --um-per-px 14"),
     Sample("features.json", "measured sizes of a coupon", "print calibrate FILE --out printer.toml"),
-    Sample("greys.csv", "discs of the coupon grey-steps", "print grey FILE --u-thickness-um 2"),
+    Sample("greys.csv", "discs of the grey-steps coupon", "print grey FILE --u-thickness-um 2"),
     Sample("micrometer.png", "a stage micrometer, 10 µm per line", "print scale FILE --spacing-mm 0.01"),
     Sample("lens.ome.tif", "a printed lens, with a bump and a dimple", "print inspect FILE --design sensor.toml"),
-    Sample("rotation.csv", "three prints with a lens, one without", "bench analyse FILE"),
+    Sample("rotation.csv", "three prints with a lens and one without", "bench analyse FILE"),
     Sample("rotation.csv", "part of this recording, S1, for calibration", "bench calibrate FILE --sensor S1"),
     Sample(
         "again.csv",
-        "the print S1 on another day, moved by hand",
+        "print S1 on another day, moved by hand",
         "bench decode rotation-simulated.S1.calibration.json FILE",
     ),
     Sample("switched.csv", "a receiver under a switched emitter", "bench demodulate FILE"),
@@ -55,14 +55,14 @@ DESIGNS = {
     "press.toml": ("press-860", "a soft body under a finger", "deform press.toml"),
     "hand.toml": ("hand-860", "a network of guides", "check hand.toml"),
 }
-"""Designs: template, description, and a command that reads the design."""
+"""Template, description and command for each design file."""
 SCENE = "scene.json"
 BENCH = "bench"
-"""Subfolder of protocols and simulated rigs, the same that `solen bench new` writes."""
+"""Subfolder for protocols and simulated rigs, the same as those of `solen bench new`."""
 
 
 class Samples(Result):
-    """Sample data copied into a folder: the folder and the number of files; none of them was measured."""
+    """Sample data copied into a folder: the folder and the number of files; all data are simulated."""
 
     folder: Path
     count: int
@@ -76,34 +76,34 @@ def simulated_name(name: str) -> str:
 
 
 def sample(name: str) -> bytes:
-    """Return the content of a sample by its shipped name: ``discs-simulated.csv``."""
+    """Return the content of the sample with this file name: ``discs-simulated.csv``."""
     return (FOLDER / name).read_bytes()
 
 
 def sample_files() -> dict[str, bytes]:
-    """Return all sample data by path within the target folder, with a README.md that describes each file."""
-    measured = {name: sample(name) for name in map(simulated_name, (one.name for one in MEASURED))}
+    """Return all sample data, keyed by path within the target folder, with a README.md that describes each file."""
+    measured = {name: sample(name) for name in map(simulated_name, (sample_row.name for sample_row in MEASURED))}
     designs = {name: template(shipped).encode() for name, (shipped, _, _) in DESIGNS.items()}
     bench = {f"{BENCH}/{name}.toml": text.encode() for name, text in starter_files().items()}
     return {"README.md": readme().encode(), SCENE: sample(SCENE)} | designs | measured | bench
 
 
 def readme() -> str:
-    """Return a table of the files with the content of each, and a command that reads it."""
-    rows = [(name, holds, command) for name, (_, holds, command) in DESIGNS.items()]
+    """Return the README: a table of the files with their contents, and a command for each."""
+    rows = [(name, content, command) for name, (_, content, command) in DESIGNS.items()]
     rows.append((SCENE, "a scene: two ovals in glass, a source, a screen", f"trace {SCENE}"))
-    named = ((simulated_name(one.name), one) for one in MEASURED)
-    rows += [(name, one.holds, one.command.replace("FILE", name)) for name, one in named]
+    named = ((simulated_name(sample_row.name), sample_row) for sample_row in MEASURED)
+    rows += [(name, sample_row.content, sample_row.command.replace("FILE", name)) for name, sample_row in named]
     rows.append(
         (f"{BENCH}/", "protocols, simulated rigs and their designs", "bench run rotation.toml --rig rig.toml --out .")
     )
-    table = "\n".join(f"| `{name}` | {holds} | `solen {command}` |" for name, holds, command in rows)
-    return f"{INTRODUCTION}\n| File | Holds | Try |\n|---|---|---|\n{table}\n"
+    table = "\n".join(f"| `{name}` | {content} | `solen {command}` |" for name, content, command in rows)
+    return f"{INTRODUCTION}\n| File | Content | Command |\n|---|---|---|\n{table}\n"
 
 
 INTRODUCTION = """\
 # Sample data of solen
 
-Everything here is simulated; nothing was measured. Designs, rigs and a scene define what to simulate, and each file
-whose name ends in `-simulated` stands for one that an instrument would have written.
+All data here are simulated; nothing was measured. Designs, rigs and a scene define what is simulated, and each file
+whose name ends in `-simulated` represents the file of an instrument.
 """

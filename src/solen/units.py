@@ -1,7 +1,7 @@
-"""Conversion of units on input and output; inside solen they are mm, nm, degrees and fractions of the emitted power.
+"""Conversion of units on input and output; inside solen, units are mm, nm, degrees and fractions of the emitted power.
 
-Files spell units in many ways (``N/mm²``, ``mW/cm2``, ``µm``): `is_unit` recognises a unit, `factor` converts between
-two. pint does the conversion and is loaded on first use.
+The spelling of units varies between files (``N/mm²``, ``mW/cm2``, ``µm``): `is_unit` recognises a unit, and `factor`
+converts between two units. pint does the conversion and is loaded on first use.
 """
 
 import re
@@ -10,7 +10,7 @@ from typing import Any
 
 NM_PER_UM = 1e3
 
-_MAX_UNIT_LENGTH = 24  # characters of a unit: what is longer is a remark
+_MAX_UNIT_LENGTH = 24  # longer strings are comments
 _SPELLINGS = {"pct": "%", "percent": "%", "prozent": "%"} | dict.fromkeys(("%t", "%r", "%a"), "%")
 _SPELLINGS |= {
     "µ": "µm",
@@ -20,24 +20,24 @@ _SPELLINGS |= {
     "sek": "s",
     "std": "h",
     "ohms": "ohm",
-    **{name: name for name in ("ohm", "kohm", "deg")},  # however their letters are written
+    **{name: name for name in ("ohm", "kohm", "deg")},  # in upper or lower case
     "°": "deg",
     "": "1",
     "-": "1",
 }
 _COUNTS = frozenset({"count", "counts"})
-"""Counts of a converter or an encoder, which have no known size; pint treats them as pure numbers, like rad."""
-_POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
-_FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
+"""Counts of an ADC or an encoder, whose size is unknown; pint would treat them as pure numbers, like rad."""
+_SIGNS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
+_UNIT_PATTERN = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
 
 def um_from_nm(wavelength_nm: float) -> float:
-    """Return a wavelength in micrometres, as dispersion formulas use it."""
+    """Return a wavelength in micrometres, as used in dispersion formulas."""
     return wavelength_nm / NM_PER_UM
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit in a common spelling; an empty text is a dimensionless unit."""
+    """Return whether a string is a unit in a common spelling; an empty string is a dimensionless unit."""
     return _unit(text) is not None
 
 
@@ -51,7 +51,9 @@ def factor(unit: str, wanted: str) -> float | None:
     ours, theirs = _unit(unit), _unit(wanted)
     if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
         return None
-    return float(f"{(1.0 * ours).to(theirs).magnitude:.15g}")  # 1000, where steps by way of m make 999.9999999999999
+    return float(
+        f"{(1.0 * ours).to(theirs).magnitude:.15g}"
+    )  # rounded, because a conversion through m gives 999.9999999999999
 
 
 @cache
@@ -63,17 +65,17 @@ def _registry() -> Any:
 
 @cache
 def _unit(text: str) -> Any:
-    """Return the unit of a text, or None."""
-    plain = text.strip().strip("[]").translate(_POWERS)
-    plain = _SPELLINGS.get(plain.lower(), plain)
-    if len(plain) > _MAX_UNIT_LENGTH or not _FORM.fullmatch(plain) or plain.lower() in _COUNTS:
+    """Return the unit in a string, or None."""
+    spelling = text.strip().strip("[]").translate(_SIGNS)
+    spelling = _SPELLINGS.get(spelling.lower(), spelling)
+    if len(spelling) > _MAX_UNIT_LENGTH or not _UNIT_PATTERN.fullmatch(spelling) or spelling.lower() in _COUNTS:
         return None
-    if plain == "1":
+    if spelling == "1":
         return _registry().dimensionless
-    powered = re.sub(r"(?<=[a-zµΩ)])\^?(-?\d)", r"**\1", plain, flags=re.IGNORECASE)
+    powered = re.sub(r"(?<=[a-zµΩ)])\^?(-?\d)", r"**\1", spelling, flags=re.IGNORECASE)
     try:
         unit = _registry().Unit(powered)
-        one, two = (_registry().Quantity(number, unit).to_base_units().magnitude for number in (1.0, 2.0))
+        first, second = (_registry().Quantity(number, unit).to_base_units().magnitude for number in (1.0, 2.0))
     except Exception:
         return None
-    return unit if two == 2.0 * one else None  # scales with an offset and logarithms have no factor
+    return unit if second == 2.0 * first else None  # scales with an offset and logarithmic units have no factor

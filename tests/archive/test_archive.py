@@ -1,4 +1,4 @@
-"""A sensor packed and unpacked: what comes out is what went in, and nothing else comes out."""
+"""Packing and unpacking the files of a sensor: unpacked files equal the packed ones, and no other files are written."""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ TABLE = "time (s),angle (deg),left (V),right (V)\n0,0,1.0,1.1\n1,1,1.1,1.0\n2,2,
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A design whose resin lies elsewhere, recordings in a folder, and a note."""
+    """Folder with a design whose resin is in another folder, a recording, an unreadable file and a figure."""
     folder = tmp_path_factory.mktemp("lab")
     for name, text in {
         "design/sensor.toml": DESIGN,
@@ -46,7 +46,7 @@ def zipped(lab: Path) -> Path:
     return pack(lab / "design" / "sensor.toml", further, OPTIONS).save(lab / "sensor.zip")
 
 
-def test_a_unit_at_the_end_of_a_name_is_stated(tmp_path: Path) -> None:
+def test_reads_unit_at_end_of_column_name(tmp_path: Path) -> None:
     path = tmp_path / "own.csv"
     path.write_text("time_s,left_V,a.x_V,right_mV\n0,1,2,3\n1,2,3,4\n", encoding="utf-8")
     assert described(path, PurePosixPath("own.csv")).quantities == {
@@ -54,28 +54,27 @@ def test_a_unit_at_the_end_of_a_name_is_stated(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_what_comes_out_is_what_went_in(zipped: Path, tmp_path: Path) -> None:
-    found = opened(zipped)
-    assert {item.path: item.kind for item in found.items} == {
+def test_unpacks_what_was_packed(zipped: Path, tmp_path: Path) -> None:
+    archive = opened(zipped)
+    assert {item.path: item.kind for item in archive.items} == {
         "sensor.toml": "design",
         "files/own.toml": "resin",
         "files/bench/monday.csv": "recording",
         "files/bench/notes.dat": "other file",
         "files/figure.svg": "image",
     }
-    assert (found.name, found.licence, found.authors) == ("mine", "CC-BY-4.0", ("A. Author", "Another"))
-    table = next(item for item in found.items if item.kind == "recording")
+    assert (archive.name, archive.licence, archive.authors) == ("mine", "CC-BY-4.0", ("A. Author", "Another"))
+    table = next(item for item in archive.items if item.kind == "recording")
     assert table.quantities == {"time": "s", "angle": "deg", "left": "V", "right": "V"}
-    folder = found.save(tmp_path / "out")
+    folder = archive.save(tmp_path / "out")
     assert (folder / "files" / "bench" / "monday.csv").read_text() == TABLE
     design = load(folder / "sensor.toml")
     assert design.resin_file == folder / "files" / "own.toml"
     assert "# ours" in (folder / "sensor.toml").read_text()
-    again = opened(folder)
-    assert [item.to_dict() for item in again.items] == [item.to_dict() for item in found.items]
+    assert [item.to_dict() for item in opened(folder).items] == [item.to_dict() for item in archive.items]
 
 
-def test_a_folder_and_a_zip_hold_the_same(lab: Path, zipped: Path, tmp_path: Path) -> None:
+def test_folder_and_zip_file_have_same_contents(lab: Path, zipped: Path, tmp_path: Path) -> None:
     archive = pack(lab / "design" / "sensor.toml", [lab / "bench", lab / "figure.svg"], OPTIONS)
     assert archive.save(tmp_path / "again.zip").read_bytes() == zipped.read_bytes()
     folder = archive.save(tmp_path / "folder")
@@ -88,13 +87,13 @@ def test_a_folder_and_a_zip_hold_the_same(lab: Path, zipped: Path, tmp_path: Pat
         archive.save(folder)
 
 
-def test_its_description_is_linked_data(zipped: Path) -> None:
-    with zipfile.ZipFile(zipped) as held:
-        graph = {entity["@id"]: entity for entity in json.loads(held.read(NAME))["@graph"]}
+def test_metadata_is_linked_data(zipped: Path) -> None:
+    with zipfile.ZipFile(zipped) as zip_file:
+        graph = {entity["@id"]: entity for entity in json.loads(zip_file.read(NAME))["@graph"]}
     root = graph["./"]
     assert graph[NAME]["about"] == {"@id": "./"}
     assert graph[root["license"]["@id"]]["name"] == "CC-BY-4.0"
-    assert [graph[one["@id"]]["name"] for one in root["author"]] == ["A. Author", "Another"]
+    assert [graph[author["@id"]]["name"] for author in root["author"]] == ["A. Author", "Another"]
     assert root["author"][0]["@id"] == "https://orcid.org/0000-0002-1825-0097"
     for part in root["hasPart"]:
         assert graph[part["@id"]]["@type"] == "File"
@@ -104,31 +103,31 @@ def test_its_description_is_linked_data(zipped: Path) -> None:
     }  # fmt: skip
 
 
-def test_what_it_cannot_read_is_packed_with_a_warning(lab: Path) -> None:
+def test_packs_unreadable_file_with_warning(lab: Path) -> None:
     archive = pack(lab / "design" / "sensor.toml", [lab / "bench"], OPTIONS)
     (warning,) = archive.warnings
     assert "notes.dat" in warning
 
 
-def test_rigs_and_further_designs_name_what_is_packed(lab: Path, tmp_path: Path) -> None:
+def test_packs_designs_named_by_rig(lab: Path, tmp_path: Path) -> None:
     (tmp_path / "bench").mkdir()
-    text = sample_files()["bench/rig.toml"].decode().replace('design = "sensor.toml"', 'design = "../own/other.toml"')
+    text = sample_files()["bench/rig.toml"].decode().replace('design = "sensor.toml"', 'design = "../other/other.toml"')
     (tmp_path / "bench" / "rig.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "own").mkdir()
+    (tmp_path / "other").mkdir()
     resin = (lab / "resins" / "own.toml").as_posix()
-    (tmp_path / "own" / "other.toml").write_text(DESIGN.replace("../resins/own.toml", resin), encoding="utf-8")
-    (tmp_path / "bench" / "recordings.sqlite").write_bytes(b"an index, which is made anew")
+    (tmp_path / "other" / "other.toml").write_text(DESIGN.replace("../resins/own.toml", resin), encoding="utf-8")
+    (tmp_path / "bench" / "recordings.sqlite").write_bytes(b"a catalogue, which is not packed")
     archive = pack(lab / "design" / "sensor.toml", [tmp_path / "bench"], OPTIONS)
     assert archive.warnings == ()
     out = opened(archive.save(tmp_path / "rig.zip")).save(tmp_path / "out")
     rig = load_rig(out / "files" / "bench" / "rig.toml")
-    designs = {(out / "files" / "bench" / one.design).resolve() for one in rig.sensor}
+    designs = {(out / "files" / "bench" / sensor.design).resolve() for sensor in rig.sensor}
     assert designs == {out / "files" / "other.toml"}
     assert load(out / "files" / "other.toml").resin_file.resolve() == out / "files" / "own.toml"  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
-    ("options", "named"),
+    ("options", "message"),
     [
         ({"author": ()}, "--author"),
         ({"author": ("A. Author <0000-0002-1825-0098>",)}, "0098"),
@@ -136,12 +135,12 @@ def test_rigs_and_further_designs_name_what_is_packed(lab: Path, tmp_path: Path)
         ({"licence": "CC-BY"}, "CC-BY-4.0"),
     ],
 )
-def test_authors_and_licences_are_checked(lab: Path, options: dict[str, object], named: str) -> None:
-    with pytest.raises(SpecError, match=named):
+def test_refuses_invalid_author_or_licence(lab: Path, options: dict[str, object], message: str) -> None:
+    with pytest.raises(SpecError, match=message):
         pack(lab / "design" / "sensor.toml", [], OPTIONS.model_copy(update=options))
 
 
-def test_files_that_cannot_be_packed(lab: Path, tmp_path: Path) -> None:
+def test_refuses_missing_and_conflicting_files(lab: Path, tmp_path: Path) -> None:
     design = lab / "design" / "sensor.toml"
     (tmp_path / "sensor.toml").write_text(DESIGN.replace("../resins/", ""))
     with pytest.raises(DataError, match=r"own\.toml"):
@@ -160,7 +159,7 @@ def test_files_that_cannot_be_packed(lab: Path, tmp_path: Path) -> None:
         pack(design, [lab / "figure.svg", tmp_path / "Figure.svg"], OPTIONS)
 
 
-def test_a_file_that_changes_meanwhile_is_refused(lab: Path, tmp_path: Path) -> None:
+def test_refuses_file_that_changes_while_packing(lab: Path, tmp_path: Path) -> None:
     file = tmp_path / "growing.csv"
     file.write_text(TABLE)
     archive = pack(lab / "design" / "sensor.toml", [file], OPTIONS)
@@ -172,9 +171,6 @@ def test_a_file_that_changes_meanwhile_is_refused(lab: Path, tmp_path: Path) -> 
     assert [path.name for path in tmp_path.iterdir()] == ["growing.csv"]
 
 
-Change = Callable[[dict[str, bytes], dict[str, object]], None]
-
-
 def _metadata(files: dict[str, bytes], change: Callable[[dict[str, dict[str, object]]], None]) -> None:
     data = json.loads(files[NAME])
     change({entity["@id"]: entity for entity in data["@graph"]})
@@ -182,7 +178,7 @@ def _metadata(files: dict[str, bytes], change: Callable[[dict[str, dict[str, obj
 
 
 def _renamed(path: str) -> Callable[[dict[str, bytes]], None]:
-    """The figure, under another path, in the archive and in its description."""
+    """Return a change of the path of the figure, in the archive and in its metadata."""
 
     def change(files: dict[str, bytes]) -> None:
         files[path] = files.pop("files/figure.svg")
@@ -191,25 +187,25 @@ def _renamed(path: str) -> Callable[[dict[str, bytes]], None]:
     return change
 
 
-def _stated(key: str, value: object) -> Callable[[dict[str, bytes]], None]:
-    def set_it(entities: dict[str, dict[str, object]]) -> None:
+def _with_entry(key: str, value: object) -> Callable[[dict[str, bytes]], None]:
+    def set_entry(entities: dict[str, dict[str, object]]) -> None:
         entities["files/figure.svg"][key] = value
 
-    return lambda files: _metadata(files, set_it)
+    return lambda files: _metadata(files, set_entry)
 
 
-def _design_outside(files: dict[str, bytes]) -> None:
+def _with_design_outside(files: dict[str, bytes]) -> None:
     text = files["sensor.toml"].replace(b"files/own.toml", b"../../own.toml")
     files["sensor.toml"] = text
 
-    def set_it(entities: dict[str, dict[str, object]]) -> None:
+    def set_entry(entities: dict[str, dict[str, object]]) -> None:
         entities["sensor.toml"] |= {"contentSize": len(text), "sha256": hashlib.sha256(text).hexdigest()}
 
-    _metadata(files, set_it)
+    _metadata(files, set_entry)
 
 
 @pytest.mark.parametrize(
-    ("change", "named"),
+    ("change", "message"),
     [
         (_renamed("../figure.svg"), "within the folder"),
         (_renamed("/figure.svg"), "within the folder"),
@@ -222,41 +218,41 @@ def _design_outside(files: dict[str, bytes]) -> None:
         (lambda files: files.update(more=b"?"), "not described"),
         (lambda files: files.update({"files/figure.svg": b"<svg>"}), "checksum"),
         (lambda files: files.update({"files/figure.svg": b"0" * 10_000_000}), "checksum"),
-        (_stated("contentSize", 10**13), "MB"),
-        (_stated("contentSize", -1), "contentSize"),
-        (_stated("sha256", "0" * 63), "sha256"),
+        (_with_entry("contentSize", 10**13), "MB"),
+        (_with_entry("contentSize", -1), "contentSize"),
+        (_with_entry("sha256", "0" * 63), "sha256"),
         (lambda files: files.pop(NAME), "not a solen archive"),
         (lambda files: files.update({NAME: b"[]"}), "RO-Crate"),
         (lambda files: files.update({NAME: b"\xff"}), "utf-8"),
         (lambda files: files.update({NAME: b"[" * 100_000}), "RO-Crate"),
-        (_design_outside, "outside the archive"),
+        (_with_design_outside, "outside the archive"),
     ],
 )
-def test_archives_that_are_not_trusted(
-    zipped: Path, tmp_path: Path, change: Callable[[dict[str, bytes]], object], named: str
+def test_refuses_manipulated_archive(
+    zipped: Path, tmp_path: Path, change: Callable[[dict[str, bytes]], object], message: str
 ) -> None:
-    with zipfile.ZipFile(zipped) as held:
-        files = {name: held.read(name) for name in held.namelist()}
+    with zipfile.ZipFile(zipped) as zip_file:
+        files = {name: zip_file.read(name) for name in zip_file.namelist()}
     change(files)
     bad = tmp_path / "bad.zip"
-    with zipfile.ZipFile(bad, "w", zipfile.ZIP_DEFLATED) as written:
+    with zipfile.ZipFile(bad, "w", zipfile.ZIP_DEFLATED) as zip_file:
         for name, content in files.items():
             entry = zipfile.ZipInfo("x")
-            entry.filename = name  # as it stands
-            written.writestr(entry, content)
-    with pytest.raises(SolenError, match=f"(?i){named}"):
+            entry.filename = name  # ZipInfo() would correct the separators
+            zip_file.writestr(entry, content)
+    with pytest.raises(SolenError, match=f"(?i){message}"):
         opened(bad).save(tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.zip"]
 
 
-def test_a_rig_that_names_a_design_outside_is_refused(tmp_path: Path) -> None:
+def test_refuses_rig_that_names_design_outside(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_bytes(sample_files()["bench/rig.toml"])
     (tmp_path / "sensor.toml").write_text('schema = 1\nname = "mine"\n[material]\nindex = 1.44\n')
     folder = pack(tmp_path / "sensor.toml", [tmp_path / "rig.toml"], OPTIONS).save(tmp_path / "folder")
     text = (folder / "rig.toml").read_bytes().replace(b'"sensor.toml"', b'"../sensor.toml"')
     (folder / "rig.toml").write_bytes(text)
     data = json.loads((folder / NAME).read_text())
-    (entity,) = (one for one in data["@graph"] if one["@id"] == "rig.toml")
+    (entity,) = (entry for entry in data["@graph"] if entry["@id"] == "rig.toml")
     entity |= {"contentSize": len(text), "sha256": hashlib.sha256(text).hexdigest(), "kind": "other file"}
     (folder / NAME).write_text(json.dumps(data))
     with pytest.raises(DataError, match="outside the archive"):
@@ -264,19 +260,19 @@ def test_a_rig_that_names_a_design_outside_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_links_passwords_and_damage_are_refused(zipped: Path, tmp_path: Path) -> None:
+def test_refuses_link_and_damaged_zip_file(zipped: Path, tmp_path: Path) -> None:
     link = tmp_path / "link.zip"
     link.write_bytes(zipped.read_bytes())
-    with zipfile.ZipFile(link, "a") as held:
+    with zipfile.ZipFile(link, "a") as zip_file:
         entry = zipfile.ZipInfo("files/link")
         entry.external_attr = 0o120777 << 16
-        held.writestr(entry, "/etc/passwd")
+        zip_file.writestr(entry, "/etc/passwd")
     with pytest.raises(DataError, match="link"):
         opened(link)
     data = bytearray(zipped.read_bytes())
     damaged = tmp_path / "damaged.zip"
     damaged.write_bytes(data[: len(data) // 2])
-    with pytest.raises(DataError, match="can be read"):
+    with pytest.raises(DataError, match="readable"):
         opened(damaged)
     data[len(data) // 4] ^= 0xFF
     damaged.write_bytes(data)
@@ -287,25 +283,25 @@ def test_links_passwords_and_damage_are_refused(zipped: Path, tmp_path: Path) ->
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_with_a_link_is_refused(zipped: Path, tmp_path: Path) -> None:
+def test_refuses_folder_with_link(zipped: Path, tmp_path: Path) -> None:
     folder = opened(zipped).save(tmp_path / "folder")
     (folder / "files" / "figure.svg").unlink()
     try:
         (folder / "files" / "figure.svg").symlink_to(zipped)
     except OSError:
-        pytest.skip("links need a privilege here")
+        pytest.skip("creating links requires a privilege")
     with pytest.raises(DataError, match="link"):
         opened(folder)
 
 
-def test_limits(zipped: Path) -> None:
+def test_checks_limits(zipped: Path) -> None:
     with pytest.raises(DataError, match="most-files"):
         opened(zipped, Limits(most_files=2))
     with pytest.raises(DataError, match="most-megabytes"):
         opened(zipped, Limits(most_megabytes=1e-6))
 
 
-def test_a_damaged_recording_is_not_packed(tmp_path: Path) -> None:
+def test_refuses_damaged_recording(tmp_path: Path) -> None:
     from solen.files import seal
 
     file = tmp_path / "run.h5"
@@ -318,10 +314,10 @@ def test_a_damaged_recording_is_not_packed(tmp_path: Path) -> None:
         described(file, file.relative_to(tmp_path))  # type: ignore[arg-type]
 
 
-def test_from_the_command_line(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_packs_and_unpacks_on_command_line(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     design, out = str(lab / "design" / "sensor.toml"), str(tmp_path / "sensor.zip")
-    own = ["--author", "A. Author", "--licence", "MIT"]
-    assert run_command(["project", "pack", design, str(lab / "bench"), "--out", out, *own, "--json"]) == 0
+    metadata = ["--author", "A. Author", "--licence", "MIT"]
+    assert run_command(["project", "pack", design, str(lab / "bench"), "--out", out, *metadata, "--json"]) == 0
     packed = json.loads(capsys.readouterr().out)
     assert packed["simulated"] is False
     assert packed["size_bytes"] == sum(item["size_bytes"] for item in packed["items"])

@@ -114,7 +114,7 @@ def test_version_1_still_opens_and_is_not_gone_on_with(tmp_path: Path) -> None:
 
 def test_a_journal_is_never_written_over(tmp_path: Path) -> None:
     path = written(tmp_path / "a.journal")
-    with pytest.raises(BenchError, match=r"exists already.*; use solen bench recover"):
+    with pytest.raises(BenchError, match=r"already exists.*; use solen bench recover"):
         Journal.create(path, {}, {})
     with pytest.raises(BenchError, match="was ended"):
         Journal.resume(path)

@@ -211,7 +211,7 @@ def test_killed_before_the_journal_is_removed_it_is_closed_again(left: Path) -> 
     shutil.copy(kept, left.with_name("other.journal"))
     data = first.path.read_bytes()
     left.with_name("other.nc").write_bytes(b"somebody's")
-    with pytest.raises(SolenError, match=r"other\.nc; exists already; move it away"):
+    with pytest.raises(SolenError, match=r"other\.nc; already exists; move it away"):
         recover(left.with_name("other.journal"))
     assert first.path.read_bytes() == data
 

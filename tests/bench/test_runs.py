@@ -155,7 +155,7 @@ def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt, match=r"emitters off, stage stopped; .*protocol\.journal: .*--resume"):
         recorded(bench, watch=stopping(2, KeyboardInterrupt()))
-    with pytest.raises(BenchError, match=r"protocol\.journal; exists already.*; use solen bench recover"):
+    with pytest.raises(BenchError, match=r"protocol\.journal; already exists.*; use solen bench recover"):
         recorded(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
     found = recover(bench / "out" / "protocol.journal")
@@ -360,7 +360,7 @@ def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
         assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
     new(tmp_path / "bench")  # the same again changes nothing
     (tmp_path / "bench" / "rig.toml").write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="already exists"):
         new(tmp_path / "bench")
     assert (tmp_path / "bench" / "rig.toml").read_text(encoding="utf-8") == "mine"
 

@@ -173,7 +173,7 @@ def test_a_video_is_the_motion_log_of_a_recording(tmp_path: Path) -> None:
     filmed(tmp_path / "turn.avi", camera(), moved, duration_s)
     answer = video(tmp_path / "turn.avi", options=VideoOptions(offset_s=late_s), out=tmp_path / "log.csv")
     assert answer.files["out"].read_text(encoding="utf-8").startswith("time_s,angle_deg,u_angle_deg\n")
-    with pytest.raises(OutputError, match=r"log\.csv; exists already"):
+    with pytest.raises(OutputError, match=r"log\.csv; already exists"):
         video(tmp_path / "turn.avi", out=tmp_path / "log.csv")
     time_s = np.arange(0.0, duration_s, 2e-3)
     volts = 2.0 + 0.3 * moved.positions(time_s) + 1e-3 * np.random.default_rng(2).standard_normal(len(time_s))

@@ -17,5 +17,5 @@ def test_sources_of_a_board_are_written_once(tmp_path: Path, board: Board) -> No
     assert all(path.stat().st_size > 200 for path in outcome.files.values())
     firmware(tmp_path / "board", board=board)  # the same again changes nothing
     next(iter(outcome.files.values())).write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="already exists"):
         firmware(tmp_path / "board", board=board)

@@ -1,4 +1,4 @@
-"""Bad input, for every command that takes it: one line on stderr, nothing on stdout, exit code 2, nothing left."""
+"""Bad input to every command: one line on stderr, nothing on stdout, exit code 2, and no files left behind."""
 
 import os
 import stat
@@ -16,7 +16,7 @@ from solen.spec import template
 from solen.trace import convergence
 from tests.command_support import refusal, snapshot, without_waiting
 
-GOOD = "".join(line for line in template().splitlines(keepends=True) if "(*)" not in line)  # the paper's point
+GOOD = "".join(line for line in template().splitlines(keepends=True) if "(*)" not in line)  # a point source
 HEAD = 'schema = 1\nname = "x"\n'
 FILE_COMMANDS = ["check", "lens", "trace", "convergence", "sensitivity", "run"]
 OUTPUT_OPTION = {
@@ -30,12 +30,12 @@ OUTPUT_OPTION = {
 
 
 def command(name: str, file: Path | str) -> list[str]:
-    """A command on a file, asked for all the files it can write, into the working folder."""
+    """Arguments of a command that reads a file and writes all its output files into the working folder."""
     return [name, str(file), *OUTPUT_OPTION[name]]
 
 
 class Refusal:
-    """Runs a command line in the test's own folder and holds it to one line and nothing left behind."""
+    """Runs a command in the folder of the test, and checks that it prints one line and leaves no files."""
 
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.folder, self.capsys = folder, capsys
@@ -102,13 +102,13 @@ FILES: dict[str, tuple[Callable[[], str], str]] = {
 
 @pytest.mark.parametrize("name", FILE_COMMANDS)
 @pytest.mark.parametrize("case", FILES)
-def test_a_file_that_is_no_design(refused: Refusal, name: str, case: str) -> None:
-    make, word = FILES[case]
-    assert word in refused(*command(name, make()))
+def test_refuses_invalid_design_file(refused: Refusal, name: str, case: str) -> None:
+    make, message = FILES[case]
+    assert message in refused(*command(name, make()))
 
 
-NEVER_PART = {"body.stem_curve_per_mm": "-0.008", "body.arm_angle_deg": "7.4", "body.arm_width_mm": "1"}
-BREAKING = {"motion.moves": '["emitter"]', "motion.pivot": "[30.0, 0.0]"}
+OVERLAPPING_ARMS = {"body.stem_curve_per_mm": "-0.008", "body.arm_angle_deg": "7.4", "body.arm_width_mm": "1"}
+PIVOT_OUTSIDE = {"motion.moves": '["emitter"]', "motion.pivot": "[30.0, 0.0]"}
 VALUES: dict[str, tuple[dict[str, str], str]] = {
     "unknown key": ({"lens.focus": "20"}, "did you mean lens.focus_mm?"),
     "key of another table": ({"lens.distance_mm": "1"}, "did you mean emitter.distance_mm?"),
@@ -141,14 +141,14 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "two lines of name": ({"name": '"a\\nb"'}, "one line"),
 }
 BODIES: dict[str, tuple[dict[str, str], str]] = {
-    "self-crossing body": (NEVER_PART, "intersects itself"),
+    "self-crossing body": (OVERLAPPING_ARMS, "intersects itself"),
     "arms that never part": ({"body.arm_width_mm": "9"}, "body.arm_width_mm = 9"),
     "arms without an angle": ({"body.stem_curve_per_mm": "0"}, "body.arm_angle_deg"),
 }
 
 
 def in_file(values: dict[str, str]) -> str:
-    """The example with those values in place of, or beside, its own."""
+    """The example with these values replaced or added."""
     lines = GOOD.splitlines()
     for key, value in values.items():
         table, _, last = key.rpartition(".")
@@ -165,32 +165,32 @@ def as_options(values: dict[str, str]) -> list[str]:
 
 @pytest.mark.parametrize("name", FILE_COMMANDS)
 @pytest.mark.parametrize("case", VALUES)
-def test_a_value_that_cannot_be(refused: Refusal, name: str, case: str) -> None:
-    values, word = VALUES[case]
+def test_refuses_invalid_value(refused: Refusal, name: str, case: str) -> None:
+    values, message = VALUES[case]
     from_file = refused(*command(name, in_file(values)))
-    assert word in from_file
+    assert message in from_file
     from_option = refused(*command(name, "sensor.toml"), *as_options(values))
-    assert word in from_option
+    assert message in from_option
     assert from_file.replace("bad.toml: ", "") == from_option
 
 
 @pytest.mark.parametrize("case", BODIES)
 @pytest.mark.parametrize("name", FILE_COMMANDS)
-def test_a_body_that_cannot_be(refused: Refusal, name: str, case: str) -> None:
-    values, word = BODIES[case]
-    assert word in refused(*command(name, in_file(values)))
-    assert word in refused(*command(name, "sensor.toml"), *as_options(values))
+def test_refuses_body_that_cannot_be_built(refused: Refusal, name: str, case: str) -> None:
+    values, message = BODIES[case]
+    assert message in refused(*command(name, in_file(values)))
+    assert message in refused(*command(name, "sensor.toml"), *as_options(values))
 
 
 @pytest.mark.parametrize("arguments", [["check"], ["trace", "--angle-deg", "-3"], ["run", "--out", "out"]], ids=str)
-def test_a_motion_that_breaks_the_body(refused: Refusal, arguments: list[str]) -> None:
-    name, *rest = arguments
-    assert "inside the body" in refused(name, "sensor.toml", *rest, *as_options(BREAKING))
+def test_refuses_motion_that_moves_emitter_into_body(refused: Refusal, arguments: list[str]) -> None:
+    name, *options = arguments
+    assert "inside the body" in refused(name, "sensor.toml", *options, *as_options(PIVOT_OUTSIDE))
 
 
 @pytest.mark.parametrize("name", FILE_COMMANDS)
 @pytest.mark.parametrize(
-    ("assignment", "word"),
+    ("assignment", "message"),
     [
         ("lens.focus_mm", "not of the form key=value"),
         ("=3", "not of the form key=value"),
@@ -204,24 +204,24 @@ def test_a_motion_that_breaks_the_body(refused: Refusal, arguments: list[str]) -
         ("lens.focus_mm=20 mm", "must be a number"),
     ],
 )
-def test_a_bad_set(refused: Refusal, name: str, assignment: str, word: str) -> None:
-    assert word in refused(*command(name, "sensor.toml"), "--set", assignment)
+def test_refuses_invalid_assignment(refused: Refusal, name: str, assignment: str, message: str) -> None:
+    assert message in refused(*command(name, "sensor.toml"), "--set", assignment)
 
 
 @pytest.mark.parametrize("name", ["new", *FILE_COMMANDS])
-def test_a_missing_argument(refused: Refusal, name: str) -> None:
+def test_reports_missing_argument(refused: Refusal, name: str) -> None:
     assert "requires an argument" in refused(name)
 
 
 @pytest.mark.parametrize("name", ["new", "schema", *FILE_COMMANDS])
-def test_an_unknown_option(refused: Refusal, name: str) -> None:
+def test_reports_unknown_option(refused: Refusal, name: str) -> None:
     file = [] if name == "schema" else ["sensor.toml"]
     out = ["--out", "out"] if name == "run" else []
     assert "--bogus" in refused(name, *file, *out, "--bogus")
 
 
 @pytest.mark.parametrize("name", ["new", "schema", *(name for name in FILE_COMMANDS if name != "sensitivity")])
-def test_one_argument_too_many(refused: Refusal, name: str) -> None:
+def test_reports_surplus_argument(refused: Refusal, name: str) -> None:
     file = [] if name == "schema" else ["x"]
     out = ["--out", "out"] if name == "run" else []
     assert "extra" in refused(name, *file, "extra", *out)
@@ -240,7 +240,7 @@ SAMPLINGS = [
     *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
     ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
     ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration requires mode count or power"),
-    *(([*ADAPTIVE, *more], "adaptive") for more in
+    *(([*ADAPTIVE, *options_given], "adaptive") for options_given in
       (["--seed", "1"], ["--precision", "single"], ["--histogram", "4"], ["--rays", "50"], ["--paths", "--json"])),
     (["--precision", "half"], "half"),
     *((["--histogram", bins], "--histogram") for bins in
@@ -251,7 +251,7 @@ SAMPLINGS = [
 
 
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    ("arguments", "message"),
     [
         (["bogus"], "bogus"),
         (["--bogus"], "--bogus"),
@@ -263,7 +263,7 @@ SAMPLINGS = [
         (["trace", "sensor.toml", "--angle-deg", "nan"], "--angle-deg = nan; must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "200"], "--angle-deg = 200.0; must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "-90"], "must be between -90 and 90"),
-        (["trace", "sensor.toml", "--angle-deg", "-3mm"], "--angle-deg = -3mm; is not a number"),
+        (["trace", "sensor.toml", "--angle-deg", "-3mm"], "--angle-deg = -3mm; must be a number"),
         (["trace", "sensor.toml", "--angle-deg", "three"], '--angle-deg: unable to convert "three"'),
         (["trace", "sensor.toml", "--mode", "bogus"], "bogus"),
         (["trace", "sensor.toml", "--mode", ""], "--mode"),
@@ -279,7 +279,7 @@ SAMPLINGS = [
         (["trace", "sensor.toml", "--paths", "--json", "--rays", "100001"], "at most 100000"),
         (["trace", "sensor.toml", "--figure", "rays.jpg"], ".svg, .pdf"),
         (["trace", "sensor.toml", "--figure", "rays"], ".svg, .pdf"),
-        *((["trace", "sensor.toml", *arguments], word) for arguments, word in SAMPLINGS),
+        *((["trace", "sensor.toml", *arguments], message) for arguments, message in SAMPLINGS),
         (["convergence", "sensor.toml", "--mode", "bogus"], "bogus"),
         (["convergence", "sensor.toml", "--angle-deg", "inf"], "--angle-deg = inf"),
         (["convergence", "sensor.toml", "--figure", "x.jpg"], ".svg, .pdf"),
@@ -295,34 +295,34 @@ SAMPLINGS = [
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "fine"], "--tolerance-mm"),
         (["new", "x", "--example", "solen-680"], "solen-860"),
         (["new", "x", "--example", "../solen-860"], "solen-860"),
-        (["new", "."], "exists already"),
+        (["new", "."], "already exists"),
         (["new", "sensor.toml"], "cannot be written"),
         (["new", "sensor.toml/x"], "cannot be written"),
     ],
     ids=" ".join,
 )
-def test_a_bad_option(refused: Refusal, arguments: list[str], word: str) -> None:
-    assert word in refused(*arguments)
+def test_refuses_invalid_option(refused: Refusal, arguments: list[str], message: str) -> None:
+    assert message in refused(*arguments)
 
 
-def test_sensitivities_need_an_integral_that_is_reached(refused: Refusal, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Here the budget of rays is cut; light that leaks from an air gap uses up the real one, in seconds."""
+def test_sensitivity_requires_converged_integral(refused: Refusal, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit on rays is reduced here; light that leaks from an air gap reaches the real limit only after seconds."""
     monkeypatch.setattr("solen.sensor.derivatives.MAX_LEGS", 4000)
     gap = ("--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5")
     assert "the integral must reach 1e-09; try another angle" in refused("sensitivity", "sensor.toml", *gap)
 
 
 @pytest.mark.parametrize("name", FILE_COMMANDS)
-def test_a_file_is_named_by_its_place_alone(refused: Refusal, name: str) -> None:
+def test_file_is_positional_only(refused: Refusal, name: str) -> None:
     assert "Unknown option: --file" in refused(name, "--file", "sensor.toml", *OUTPUT_OPTION[name])
 
 
-def test_a_folder_is_named_by_its_place_alone(refused: Refusal) -> None:
+def test_folder_is_positional_only(refused: Refusal) -> None:
     assert "Unknown option: --folder" in refused("new", "--folder", "x")
 
 
-def test_an_option_is_suggested_only_where_it_is_near(refused: Refusal) -> None:
-    for wrong, meant in (
+def test_suggests_only_similar_options(refused: Refusal) -> None:
+    for wrong, suggestion in (
         ("--figur", "--figure"),
         ("--angle", "--angle-deg"),
         ("--angel", "--angle-deg"),
@@ -331,7 +331,7 @@ def test_an_option_is_suggested_only_where_it_is_near(refused: Refusal) -> None:
         ("--no-len", "--no-lens"),
         ("--fontt", "--font"),
     ):
-        assert f"Unknown option: {wrong}; did you mean {meant}?" in refused("trace", "sensor.toml", wrong, "3")
+        assert f"Unknown option: {wrong}; did you mean {suggestion}?" in refused("trace", "sensor.toml", wrong, "3")
     for wrong in ("--out", "--outt", "--save", "--foo"):
         assert f"Unknown option: {wrong}; see the command's --help" in refused("trace", "sensor.toml", wrong, "x")
     assert "did you mean --out?" in refused("run", "sensor.toml", "--output", "x", "--out", "y")
@@ -343,12 +343,12 @@ OUTPUTS = {
     "a folder": "folder.svg",
     "too long a name": "x" * 253 + ".svg",
 }
-WRITING = [["lens", "--csv"], ["trace", "--figure"], ["convergence", "--figure"], ["trace", "--netcdf"]]
+FILE_OPTIONS = [["lens", "--csv"], ["trace", "--figure"], ["convergence", "--figure"], ["trace", "--netcdf"]]
 
 
-@pytest.mark.parametrize("option", WRITING, ids=" ".join)
+@pytest.mark.parametrize("option", FILE_OPTIONS, ids=" ".join)
 @pytest.mark.parametrize("case", OUTPUTS)
-def test_a_file_that_cannot_be_written(
+def test_reports_file_that_cannot_be_written(
     refused: Refusal, option: list[str], case: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=16))
@@ -360,31 +360,29 @@ def test_a_file_that_cannot_be_written(
     code = run_command([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
     assert (code, printed.out) == (2, "")
-    assert "cannot be written" in printed.err or "exists already" in printed.err
+    assert "cannot be written" in printed.err or "already exists" in printed.err
     assert len(printed.err.splitlines()) == 1
     assert snapshot(refused.folder) == before
 
 
-def test_of_two_files_none_is_written_where_one_cannot_be(refused: Refusal) -> None:
+def test_writes_all_files_or_none(refused: Refusal) -> None:
     for figure, netcdf in (("rays.svg", "nowhere/rays.nc"), ("nowhere/rays.svg", "rays.nc")):
         assert "cannot be written" in refused("trace", "sensor.toml", "--figure", figure, "--netcdf", netcdf)
 
 
 @pytest.mark.parametrize("missing", ["xarray", "h5netcdf", "h5py"])
-def test_a_missing_extra_is_reported_with_its_remedy(
-    refused: Refusal, monkeypatch: pytest.MonkeyPatch, missing: str
-) -> None:
+def test_reports_missing_package_with_remedy(refused: Refusal, monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    told = refused("trace", "sensor.toml", "--netcdf", "rays.nc")
-    assert f"netCDF; needs {missing}, which is not installed; pip install" in told
+    line = refused("trace", "sensor.toml", "--netcdf", "rays.nc")
+    assert f"netCDF; requires {missing}, which is not installed; pip install" in line
 
 
 @pytest.mark.parametrize("table", ["", ".", "/", "l.xyz"])
-def test_a_table_without_its_ending(refused: Refusal, table: str) -> None:
+def test_refuses_table_with_wrong_extension(refused: Refusal, table: str) -> None:
     assert "end in .csv" in refused("lens", "sensor.toml", "--csv", table)
 
 
-def test_a_table_that_exists_is_kept(refused: Refusal, tmp_path: Path) -> None:
+def test_keeps_existing_table(refused: Refusal, tmp_path: Path) -> None:
     recording = tmp_path / "recording.csv"
     recording.write_text("t,u", encoding="utf-8")
     assert "--force" in refused("lens", "sensor.toml", "--csv", str(recording))
@@ -392,16 +390,16 @@ def test_a_table_that_exists_is_kept(refused: Refusal, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("out", ["sensor.toml", "sensor.toml/out"])
-def test_an_output_folder_that_cannot_be(refused: Refusal, out: str) -> None:
+def test_refuses_invalid_output_folder(refused: Refusal, out: str) -> None:
     assert "cannot be written" in refused("run", "sensor.toml", "--out", out)
 
 
 @pytest.mark.parametrize("arguments", [["new"], ["run", "sensor.toml", "--out"]], ids=" ".join)
-def test_a_folder_of_too_long_a_name(refused: Refusal, arguments: list[str]) -> None:
+def test_refuses_folder_name_that_is_too_long(refused: Refusal, arguments: list[str]) -> None:
     assert "cannot be written" in refused(*arguments, "x" * 300)
 
 
-def test_folders_above_one_that_cannot_be_made_go_again(refused: Refusal) -> None:
+def test_removes_parents_of_folder_that_cannot_be_created(refused: Refusal) -> None:
     assert "cannot be written" in refused("run", "sensor.toml", "--out", "one/two/" + "x" * 300)
 
 
@@ -412,7 +410,7 @@ def test_folders_above_one_that_cannot_be_made_go_again(refused: Refusal) -> Non
         *("body.arm_length_mm=1e-16", "body.arm_length_mm=1e300", "body.stem_length_mm=1e300"),
     ],
 )
-def test_a_length_of_no_sensor(refused: Refusal, assignment: str) -> None:
+def test_refuses_unrealistic_lengths(refused: Refusal, assignment: str) -> None:
     assert assignment.partition("=")[0] in refused("trace", "sensor.toml", "--set", assignment)
 
 
@@ -424,23 +422,23 @@ def test_a_length_of_no_sensor(refused: Refusal, assignment: str) -> None:
     ],
     ids=" ".join,
 )
-def test_a_true_process_ends_with_one_line_and_2(tmp_path: Path, arguments: list[str]) -> None:
+def test_process_ends_with_one_line_and_exit_code_2(tmp_path: Path, arguments: list[str]) -> None:
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     before = snapshot(tmp_path)
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONWARNINGS"}
-    done = subprocess.run(
+    process_run = subprocess.run(
         [sys.executable, "-m", "solen", *arguments], cwd=tmp_path, env=environment, capture_output=True, check=False
     )
-    assert done.returncode == 2
-    assert done.stdout == b""
-    complaint = without_waiting(done.stderr)
-    assert complaint.count("\n") == 1
-    assert complaint.startswith("solen: ")
+    assert process_run.returncode == 2
+    assert process_run.stdout == b""
+    errors = without_waiting(process_run.stderr)
+    assert errors.count("\n") == 1
+    assert errors.startswith("solen: ")
     assert snapshot(tmp_path) == before
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs the right to make links there")
-def test_a_link_is_written_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="requires permission to create links")
+def test_writes_target_of_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     (tmp_path / "real.csv").write_text("old", encoding="utf-8")
     (tmp_path / "link.csv").symlink_to("real.csv")
@@ -450,8 +448,8 @@ def test_a_link_is_written_through(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (tmp_path / "real.csv").read_text(encoding="utf-8").startswith("x_mm")
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
-def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="requires named pipes")
+def test_never_replaces_pipe(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
@@ -460,7 +458,7 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.Captur
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
-def test_further_arguments_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_reports_surplus_arguments_by_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["print", "inspect", "a.tif", "b.tif", "--design", "sensor.toml"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("solen: b.tif; is a surplus argument")

@@ -1,4 +1,4 @@
-"""`solen resin index` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
+"""`solen resin index`: JSON, printed lines, and one line for bad input."""
 
 import json
 from pathlib import Path
@@ -22,19 +22,19 @@ def layer(folder: Path) -> str:
     return str(file)
 
 
-def test_json_is_one_object_with_what_scripts_rely_on(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    picture, result = tmp_path / "n.png", tmp_path / "n.json"
-    files = ["--figure", str(picture), "--out", str(result)]
-    found = answered(capfd, *COMMAND, layer(tmp_path), "--thickness-um", "50", *files)
+def test_json_contains_documented_keys(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    figure, result = tmp_path / "n.png", tmp_path / "n.json"
+    files = ["--figure", str(figure), "--out", str(result)]
+    output = answered(capfd, *COMMAND, layer(tmp_path), "--thickness-um", "50", *files)
     arrays = ("wavelength_nm", "n", "u_n", "k", "u_k", "reason")
-    assert {*arrays, "mode", "lossless_n", "options", "fit", "sources", "warnings"} <= found.keys()
-    assert {len(found[key]) for key in arrays} == {NM.size}
-    assert found["n"][0] == pytest.approx(1.49 + 4e3 / 400.0**2, abs=1e-9)
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert json.loads(result.read_text(encoding="utf-8"))["n"] == found["n"]
+    assert {*arrays, "mode", "lossless_n", "options", "fit", "sources", "warnings"} <= output.keys()
+    assert {len(output[key]) for key in arrays} == {NM.size}
+    assert output["n"][0] == pytest.approx(1.49 + 4e3 / 400.0**2, abs=1e-9)
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert json.loads(result.read_text(encoding="utf-8"))["n"] == output["n"]
 
 
-def test_lines_name_the_mode_and_the_warnings(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_lines_contain_mode_and_warnings(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     options = ["--thickness-um", "50", "--mode", "as-published", "--at-nm", "500"]
     assert run_command([*COMMAND, layer(tmp_path), *options]) == 0
     printed = capfd.readouterr().out
@@ -53,7 +53,7 @@ def test_lines_name_the_mode_and_the_warnings(tmp_path: Path, capfd: pytest.Capt
         (("--polymer", "wax"), "--polymer = 'wax'; must be 'acrylate'"),
     ],
 )
-def test_what_is_wrong_is_one_line(
+def test_bad_input_gives_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], options: tuple[str, ...], line: str
 ) -> None:
     assert line in refusal(capfd, tmp_path, *COMMAND, layer(tmp_path), *options)

@@ -1,4 +1,4 @@
-"""`solen resin refractometer` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
+"""`solen resin refractometer`: JSON, printed lines, and one line for bad input."""
 
 import json
 from pathlib import Path
@@ -11,15 +11,15 @@ from tests.command_support import answered, refusal
 COMMAND = ("resin", "refractometer")
 
 
-def test_json_is_one_object(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_json_contains_documented_keys(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     result = tmp_path / "n.json"
-    found = answered(capfd, *COMMAND, "1.487", "--u", "0.0005", "--at-nm", "860", "--out", str(result))
-    assert {"wavelength_nm", "n", "u_n", "mode", "fit", "sources", "warnings", "files"} <= found.keys()
-    assert abs(found["at"][0]["n"] - 1.4796) < 5e-4
+    output = answered(capfd, *COMMAND, "1.487", "--u", "0.0005", "--at-nm", "860", "--out", str(result))
+    assert {"wavelength_nm", "n", "u_n", "mode", "fit", "sources", "warnings", "files"} <= output.keys()
+    assert abs(output["at"][0]["n"] - 1.4796) < 5e-4
     assert json.loads(result.read_text(encoding="utf-8"))["kind"] == "refractometer"
 
 
-def test_several_values_and_a_readers_lines(capfd: pytest.CaptureFixture[str]) -> None:
+def test_several_values_give_formula_and_abbe_number(capfd: pytest.CaptureFixture[str]) -> None:
     lines = ["--wavelength-nm", "450", "--wavelength-nm", "589.3", "--wavelength-nm", "860"]
     assert run_command([*COMMAND, "1.500", "1.490", "1.485", "--u", "0.0005", *lines]) == 0
     printed = capfd.readouterr().out
@@ -31,7 +31,7 @@ def test_several_values_and_a_readers_lines(capfd: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     "arguments", [("1.49",), ("1.49", "1.5", "--u", "0.001"), ("glass", "--u", "0.001"), ("0.5", "--u", "0.001")]
 )
-def test_bad_input_ends_with_one_line(
+def test_bad_input_gives_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...]
 ) -> None:
     refusal(capfd, tmp_path, *COMMAND, *arguments)

@@ -1,4 +1,4 @@
-"""The commands of resins: what they print and write, and every bad input in one line with nothing left behind."""
+"""The `solen resin` commands: output and files; bad input gives one line and leaves no files."""
 
 import hashlib
 import json
@@ -57,13 +57,13 @@ RESULTS = {"index": INDEX, "cutback": CUTBACK, "cure": CURE, "stiffness": STIFFN
 
 
 class Shell:
-    """Runs a command line in the test's own folder."""
+    """Runs commands in the folder of the test."""
 
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.folder, self.capsys = folder, capsys
 
     def lines(self, *arguments: str) -> list[str]:
-        """Lines on stdout of a command that succeeds without a word on stderr."""
+        """Lines on stdout of a command that succeeds and prints nothing on stderr."""
         self.capsys.readouterr()
         code = run_command(list(arguments))
         printed = self.capsys.readouterr()
@@ -71,11 +71,11 @@ class Shell:
         return printed.out.splitlines()
 
     def json(self, *arguments: str) -> Any:
-        """The one JSON object on stdout."""
+        """The JSON object on stdout."""
         return json.loads("\n".join(self.lines(*arguments, "--json")), parse_constant=pytest.fail)
 
     def refused(self, *arguments: str) -> str:
-        """The one line of a command that is refused and leaves nothing."""
+        """The line printed by a command that fails; it must leave no files."""
         return refusal(self.capsys, self.folder, *arguments).removeprefix("solen: ").rstrip("\n")
 
 
@@ -89,14 +89,16 @@ def shell(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytes
     return Shell(folder, capsys)
 
 
-ALL = tuple(part for name in RESULTS for part in (f"--{name}", f"{name}.json"))
-WHO = ("--name", "ma-PU, batch 3")
+ALL_RESULTS = tuple(part for name in RESULTS for part in (f"--{name}", f"{name}.json"))
+NAME = ("--name", "ma-PU, batch 3")
 
 
-def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
+def test_resin_file_contains_results_and_sources(shell: Shell) -> None:
     formulation = ("--formulation", "RA-139:75, lauryl acrylate:25")
-    found = shell.json("resin", "build", "r.toml", *WHO, *ALL, *formulation, "--source", "our lab", "--note", "dry")
-    assert set(found) == {
+    result = shell.json(
+        "resin", "build", "r.toml", *NAME, *ALL_RESULTS, *formulation, "--source", "our lab", "--note", "dry"
+    )
+    assert set(result) == {
         *("resin", "name", "source", "notes", "index", "loss", "cure", "stiffness", "formulation", "sources", "at"),
         *("simulated", "warnings", "files"),
     }
@@ -114,7 +116,7 @@ def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
         ("RA-139", 75.0),
         ("lauryl acrylate", 25.0),
     ]
-    assert [(one.of, one.file) for one in resin.sources] == [("index", "layer.csv"), ("loss", "guides.csv")]
+    assert [(item.of, item.file) for item in resin.sources] == [("index", "layer.csv"), ("loss", "guides.csv")]
     assert resin.sources[0].instrument == "Cary 5000"
     assert resin.warnings == ("loss: from simulated data, not measured",)
     text = Path("r.toml").read_text(encoding="utf-8")
@@ -123,72 +125,72 @@ def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
 
 
 def k_of(loss_dB_per_cm: float, nm: float) -> float:
-    """Extinction coefficient of a loss: 4πk/λ is the absorption, 10 lg e of which is the loss."""
+    """Extinction coefficient for a loss: the absorption is 4πk/λ, and the loss is 10 lg e times the absorption."""
     return loss_dB_per_cm * math.log(10.0) / 10.0 / 1e7 * nm / (4.0 * math.pi)
 
 
 @pytest.mark.parametrize(("layer", "guide", "differ"), [(12.7, 1.8, True), (1.9, 1.8, False), (None, 1.8, False)])
-def test_a_layers_k_is_compared_with_the_cutback(layer: float | None, guide: float, differ: bool, shell: Shell) -> None:
+def test_compares_k_of_layer_with_cutback(layer: float | None, guide: float, differ: bool, shell: Shell) -> None:
     nm = [850.0, 860.0, 870.0]
-    k = [None if layer is None else k_of(layer, one) for one in nm]
-    index = INDEX | {"wavelength_nm": nm, "k": k, "u_k": [k_of(1.0, one) for one in nm]}
-    index["interval95_k"] = [[0.0, k_of(20.0, one)] for one in nm]
+    k = [None if layer is None else k_of(layer, item) for item in nm]
+    index = INDEX | {"wavelength_nm": nm, "k": k, "u_k": [k_of(1.0, item) for item in nm]}
+    index["interval95_k"] = [[0.0, k_of(20.0, item)] for item in nm]
     per_mm = guide * math.log(10.0) / 100.0
     cutback = CUTBACK | {"loss_dB_per_cm": guide, "absorption_per_mm": per_mm, "u_absorption_per_mm": 0.1 * per_mm}
     for name, data in (("index", index), ("cutback", cutback)):
         Path(f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
-    found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
-    told = [text for text in found["warnings"] if "cut-back gives 1.8 ± 0.2 dB/cm" in text]
-    assert bool(told) is differ
-    assert all("13 ± 1" in text for text in told)
+    result = shell.json("resin", "build", "r.toml", *NAME, "--index", "index.json", "--cutback", "cutback.json")
+    messages = [text for text in result["warnings"] if "cut-back gives 1.8 ± 0.2 dB/cm" in text]
+    assert bool(messages) is differ
+    assert all("13 ± 1" in text for text in messages)
     assert load_resin("r.toml").loss.absorption_per_mm == pytest.approx(per_mm)
 
 
-def test_a_guide_that_loses_more_than_the_layer_allows_is_reported(shell: Shell) -> None:
+def test_reports_guide_loss_above_bound_from_layer(shell: Shell) -> None:
     index = INDEX | {"wavelength_nm": [860.0], "n": [1.49], "u_n": [0.01], "k": [None], "u_k": [k_of(0.1, 860.0)]}
     index |= {"interval95_k": [[0.0, k_of(0.2, 860.0)]], "fit": FORMULA}
     Path("index.json").write_text(json.dumps(index), encoding="utf-8")
     cutback = CUTBACK | {"u_absorption_per_mm": 0.001}
     Path("cutback.json").write_text(json.dumps(cutback), encoding="utf-8")
-    found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
-    assert any("above the upper bound from the layer's spectra, 0.2 dB/cm" in text for text in found["warnings"])
+    result = shell.json("resin", "build", "r.toml", *NAME, "--index", "index.json", "--cutback", "cutback.json")
+    assert any("above the upper bound from the layer's spectra, 0.2 dB/cm" in text for text in result["warnings"])
 
 
 FORMULA = {"kind": "cauchy", "A": 1.48, "B_um2": 0.005, "C_um4": 0.0, "covariance": [[1e-6, 0, 0], [0] * 3, [0] * 3]}
 
 
 @pytest.mark.parametrize(("n", "differ"), [(1.4945, False), (1.52, True)])
-def test_an_index_by_spectra_is_compared_with_the_refractometers(n: float, differ: bool, shell: Shell) -> None:
+def test_compares_index_from_spectra_with_refractometer(n: float, differ: bool, shell: Shell) -> None:
     Path("index.json").write_text(json.dumps(INDEX | {"fit": FORMULA}), encoding="utf-8")
     shell.lines("resin", "refractometer", str(n), "--u", "0.0002", "--out", "refractometer.json")
-    both = ("--index", "index.json", "--refractometer", "refractometer.json")
-    found = shell.json("resin", "build", "r.toml", *WHO, *both)
-    assert any("from the refractometer" in text for text in found["warnings"]) is differ
+    options = ("--index", "index.json", "--refractometer", "refractometer.json")
+    result = shell.json("resin", "build", "r.toml", *NAME, *options)
+    assert any("from the refractometer" in text for text in result["warnings"]) is differ
     assert load_resin("r.toml").index.mode == "measured"
-    shell.lines("resin", "build", "s.toml", *WHO, *both[2:])
+    shell.lines("resin", "build", "s.toml", *NAME, *options[2:])
     assert load_resin("s.toml").index.mode == "refractometer"
 
 
 @pytest.mark.parametrize(("absorbance", "differ"), [(0.223, False), (0.35, True)])
-def test_a_working_curve_is_compared_with_an_absorbance(absorbance: float, differ: bool, shell: Shell) -> None:
+def test_compares_working_curve_with_absorbance(absorbance: float, differ: bool, shell: Shell) -> None:
     rows = "".join(f"{nm},{absorbance}\n" for nm in range(380, 431, 5))
     Path("liquid.csv").write_text(f"wavelength_nm,absorbance\n{rows}", encoding="utf-8")
     shell.lines("resin", "penetration", "liquid.csv", "--path-um", "93", "--led-nm", "405", "--out", "liquid.json")
-    line = shell.refused("resin", "build", "r.toml", *WHO, "--penetration", "liquid.json")
+    line = shell.refused("resin", "build", "r.toml", *NAME, "--penetration", "liquid.json")
     assert "--cure" in line
-    found = shell.json("resin", "build", "r.toml", *WHO, "--cure", "cure.json", "--penetration", "liquid.json")
-    assert any("Dp is 181 µm" in text for text in found["warnings"]) is differ
+    result = shell.json("resin", "build", "r.toml", *NAME, "--cure", "cure.json", "--penetration", "liquid.json")
+    assert any("Dp is 181 µm" in text for text in result["warnings"]) is differ
 
 
-def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
-    shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
-    line = shell.refused("resin", "build", "r.toml", *WHO, "--cure", "cure.json")
-    assert line == "r.toml; exists already; name another file, or add --force"
-    shell.lines("resin", "build", "r.toml", *WHO, "--cure", "cure.json", "--force")
+def test_existing_file_is_replaced_only_with_force(shell: Shell) -> None:
+    shell.lines("resin", "build", "r.toml", *NAME, "--index", "index.json")
+    line = shell.refused("resin", "build", "r.toml", *NAME, "--cure", "cure.json")
+    assert line == "r.toml; already exists; specify another file, or add --force"
+    shell.lines("resin", "build", "r.toml", *NAME, "--cure", "cure.json", "--force")
     assert load_resin("r.toml").cure is not None
 
 
-def test_a_resin_without_an_index_is_reported_where_it_is_used(shell: Shell) -> None:
+def test_reports_use_of_resin_without_index(shell: Shell) -> None:
     shell.lines("resin", "build", "r.toml", "--name", "dose only", "--cure", "cure.json")
     assert shell.json("resin", "show", "./r.toml")["at"][0]["n"] is None
     Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
@@ -205,7 +207,7 @@ def damaged(name: str, **changes: Any) -> Callable[[], list[str]]:
     return write
 
 
-def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
+def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
     def write() -> list[str]:
         Path("bad.json").write_bytes(text)
         return [f"--{option}", "bad.json"]
@@ -227,14 +229,14 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; use it with"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),
         (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
-        (holding(b"{}"), "bad.json: kind; ... solen resin index --out"),
-        (holding(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
-        (holding(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
-        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a valid JSON number"),
-        (holding(b"[" * 100_000), "bad.json: JSON; not JSON: "),
-        (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
+        (file_with(b"{}"), "bad.json: kind; ... solen resin index --out"),
+        (file_with(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
+        (file_with(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
+        (file_with(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a valid JSON number"),
+        (file_with(b"[" * 100_000), "bad.json: JSON; not JSON: "),
+        (file_with(b"\xff\xfe{}"), "bad.json; is not UTF-8 text"),
         (
-            holding(b'{"kind": "cure"}', "cure"),
+            file_with(b'{"kind": "cure"}', "cure"),
             "bad.json: cure.Dp_um; missing; add it: penetration depth in µm.; and 1 more",
         ),
         (damaged("index", mode="guess"), "bad.json: index.mode = 'guess'; must be one of measured"),
@@ -270,23 +272,27 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         ),
     ],
 )
-def test_what_is_no_resin_is_reported_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
+def test_refuses_invalid_results_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
     first, *others = line.split(" ... ")
-    refused = shell.refused("resin", "build", "r.toml", *WHO, *arguments())
-    assert refused.startswith(first)
-    assert all(other in refused for other in others)
+    line_printed = shell.refused("resin", "build", "r.toml", *NAME, *arguments())
+    assert line_printed.startswith(first)
+    assert all(other in line_printed for other in others)
 
 
-def test_names_that_cannot_be_are_reported(shell: Shell) -> None:
-    assert "end in .toml" in shell.refused("resin", "build", "r.json", *WHO, *ALL)
-    assert shell.refused("resin", "build", "r.toml", "--name", " ", *ALL).startswith("name = ' '; must be one line")
-    assert "--name" in shell.refused("resin", "build", "r.toml", *ALL)
-    assert "no/r.toml; cannot be written" in shell.refused("resin", "build", "no/r.toml", *WHO, *ALL).replace("\\", "/")
+def test_refuses_invalid_names(shell: Shell) -> None:
+    assert "end in .toml" in shell.refused("resin", "build", "r.json", *NAME, *ALL_RESULTS)
+    assert shell.refused("resin", "build", "r.toml", "--name", " ", *ALL_RESULTS).startswith(
+        "name = ' '; must be one line"
+    )
+    assert "--name" in shell.refused("resin", "build", "r.toml", *ALL_RESULTS)
+    assert "no/r.toml; cannot be written" in shell.refused("resin", "build", "no/r.toml", *NAME, *ALL_RESULTS).replace(
+        "\\", "/"
+    )
 
 
-def test_the_library_is_listed_with_its_index_and_warnings(shell: Shell) -> None:
-    found = {one["resin"]: one for one in shell.json("resin", "list")["resins"]}
-    paper, pmma = found["ma-pu-as-published"], found["pmma"]
+def test_lists_library_with_index_and_warnings(shell: Shell) -> None:
+    result = {item["resin"]: item for item in shell.json("resin", "list")["resins"]}
+    paper, pmma = result["ma-pu-as-published"], result["pmma"]
     assert [at["wavelength_nm"] for at in paper["at"]] == [589.3, 860.0]
     assert paper["at"][1]["n"] == 1.44
     assert paper["index"]["mode"] == "as-published"
@@ -300,10 +306,10 @@ def test_the_library_is_listed_with_its_index_and_warnings(shell: Shell) -> None
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
-def test_a_resin_is_shown_and_drawn(shell: Shell, suffix: str) -> None:
-    shell.lines("resin", "build", "r.toml", *WHO, *ALL)
-    found = shell.json("resin", "show", "./r.toml", "--at-nm", "500", "--at-nm", "860", "--figure", f"r.{suffix}")
-    assert [(at["wavelength_nm"], at["u_n"]) for at in found["at"]] == [(500.0, 0.012), (860.0, 0.012)]
+def test_shows_and_draws_resin(shell: Shell, suffix: str) -> None:
+    shell.lines("resin", "build", "r.toml", *NAME, *ALL_RESULTS)
+    result = shell.json("resin", "show", "./r.toml", "--at-nm", "500", "--at-nm", "860", "--figure", f"r.{suffix}")
+    assert [(at["wavelength_nm"], at["u_n"]) for at in result["at"]] == [(500.0, 0.012), (860.0, 0.012)]
     assert Path(f"r.{suffix}").stat().st_size > 2000
     lines = shell.lines("resin", "show", "./r.toml")
     assert "  n at 860 nm: 1.4916 ± 1.2e-02" in lines
@@ -312,18 +318,18 @@ def test_a_resin_is_shown_and_drawn(shell: Shell, suffix: str) -> None:
     assert any(line.split() == ["Dp_um", "181"] for line in lines)
 
 
-def test_the_figure_says_what_is_published_or_simulated(shell: Shell) -> None:
+def test_figure_marks_published_and_simulated_index(shell: Shell) -> None:
     shell.lines("resin", "show", "ma-pu-as-published", "--figure", "paper.svg")
     assert "as published: see warning" in Path("paper.svg").read_text(encoding="utf-8")
     Path("index.json").write_text(json.dumps(INDEX | {"sources": [{"simulated": True}]}), encoding="utf-8")
-    shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
+    shell.lines("resin", "build", "r.toml", *NAME, "--index", "index.json")
     shell.lines("resin", "show", "./r.toml", "--figure", "r.svg")
     drawn = Path("r.svg").read_text(encoding="utf-8")
     assert "(simulated data)" in drawn
     assert "± u(n), standard" in drawn
 
 
-def test_what_cannot_be_shown_is_reported(shell: Shell) -> None:
+def test_show_reports_bad_input(shell: Shell) -> None:
     assert "did you mean pmma?" in shell.refused("resin", "show", "PMA")
     assert "known only from 436.8 to 1052 nm" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
     assert "--at-nm = nan" in shell.refused("resin", "show", "pmma", "--at-nm", "nan")
@@ -331,18 +337,18 @@ def test_what_cannot_be_shown_is_reported(shell: Shell) -> None:
     assert "no such file" in shell.refused("resin", "show", "./none.toml")
 
 
-def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
-    how = ("resin", "mix", "RA-139:75", "lauryl acrylate:25", "--total-g", "50")
-    found = shell.json(*how)
-    assert [one["weighed_g"] for one in found["of_whole"]["components"]] == [37.5, 12.5]
-    assert [one["weighed_g"] for one in found["on_base"]["components"]] == [40.0, 10.0]
-    assert (found["base"], found["of_whole"]["index_estimate"]) == ("RA-139", None)
-    lines = shell.lines(*how)
+def test_mixes_by_total_and_by_base(shell: Shell) -> None:
+    arguments = ("resin", "mix", "RA-139:75", "lauryl acrylate:25", "--total-g", "50")
+    result = shell.json(*arguments)
+    assert [item["weighed_g"] for item in result["of_whole"]["components"]] == [37.5, 12.5]
+    assert [item["weighed_g"] for item in result["on_base"]["components"]] == [40.0, 10.0]
+    assert (result["base"], result["of_whole"]["index_estimate"]) == ("RA-139", None)
+    lines = shell.lines(*arguments)
     assert lines[0] == "percentages of the whole mixture: 50 g in all"
     assert lines[3] == "grams per 100 g of the base: 50 g in all"
     known = [*("--density", "RA-139:1.1", "--density", "lauryl acrylate:0.88")]
     known += [*("--index", "RA-139:1.48", "--index", "lauryl acrylate:1.44")]
-    lines = shell.lines(*how, *known)
+    lines = shell.lines(*arguments, *known)
     assert len([line for line in lines if "an estimate (Lorentz-Lorenz" in line]) == 2
     assert shell.json("resin", "mix", "a:50%", "b:50")["of_whole"]["total_g"] == 100.0
 
@@ -364,44 +370,44 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
         (("a:50", "b:50", "--index", "a:0"), "index of a = 0.0; must be at least 1"),
     ],
 )
-def test_what_is_no_mixture_is_reported_in_one_line(shell: Shell, arguments: tuple[str, ...], line: str) -> None:
+def test_refuses_invalid_mixture_in_one_line(shell: Shell, arguments: tuple[str, ...], line: str) -> None:
     assert shell.refused("resin", "mix", *arguments).startswith(line)
 
 
-def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> None:
-    """A simulated layer of known index, 0.1 % of noise: the design sees it within its uncertainty."""
+def test_uncertainty_propagates_from_spectra_to_design(shell: Shell) -> None:
+    """The design has the index of a simulated layer with 0.1 % noise, to within its uncertainty."""
     wavelengths = np.arange(430.0, 901.0, 2.0)
-    true = 1.48 + 0.005 / (1e-3 * wavelengths) ** 2
+    true_index = 1.48 + 0.005 / (1e-3 * wavelengths) ** 2
     rng = np.random.default_rng(7)
-    r, t = (one + rng.normal(0.0, 1e-3, one.size) for one in forward(true, 1e-6, 50.0, wavelengths))
+    r, t = (item + rng.normal(0.0, 1e-3, item.size) for item in forward(true_index, 1e-6, 50.0, wavelengths))
     rows = [f"{nm:g},{a:.6f},{b:.6f}" for nm, a, b in zip(wavelengths, t, r, strict=True)]
     Path("layer.csv").write_text("\n".join(["wavelength_nm,T,R", *rows]), encoding="utf-8")
-    stated = ("--u-T", "0.001", "--u-R", "0.001", "--baseline", "air", "--thickness-um", "50")
-    shell.lines("resin", "index", "layer.csv", *stated, "--out", "layer.json")
-    shell.lines("resin", "build", "r.toml", *WHO, "--index", "layer.json")
+    options = ("--u-T", "0.001", "--u-R", "0.001", "--baseline", "air", "--thickness-um", "50")
+    shell.lines("resin", "index", "layer.csv", *options, "--out", "layer.json")
+    shell.lines("resin", "build", "r.toml", *NAME, "--index", "layer.json")
     resin = load_resin("r.toml")
     checksum = hashlib.sha256(Path("layer.csv").read_bytes()).hexdigest()
-    assert [(one.of, one.file, one.sha256) for one in resin.sources] == [("index", "layer.csv", checksum)]
+    assert [(item.of, item.file, item.sha256) for item in resin.sources] == [("index", "layer.csv", checksum)]
     assert any(text.startswith("k is masked") for text in json.loads(Path("layer.json").read_bytes())["warnings"])
-    assert not [text for text in resin.warnings if "k is masked" in text or "u_k" in text]  # a resin keeps no k
+    assert not [text for text in resin.warnings if "k is masked" in text or "u_k" in text]  # a resin contains no k
     Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
-    found = shell.json("check", "sensor.toml", "--set", "material.resin=r.toml")
-    material = found["material"]
+    result = shell.json("check", "sensor.toml", "--set", "material.resin=r.toml")
+    material = result["material"]
     assert material["mode"] == "measured"
     assert 0.002 < material["u_index"] < 0.01
     assert abs(material["index"] - (1.48 + 0.005 / 0.86**2)) < 2 * material["u_index"]
-    low, same, high = found["foci"]
+    low, middle, high = result["foci"]
     assert low["material_index"] == pytest.approx(material["index"] - material["u_index"])
-    assert low["best_focus_mm"] > same["best_focus_mm"] > high["best_focus_mm"]
+    assert low["best_focus_mm"] > middle["best_focus_mm"] > high["best_focus_mm"]
 
 
-def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
-    """Guides of two orientations and cubes of two materials, simulated without noise to speak of."""
+def test_builds_resin_from_files_of_other_commands(shell: Shell) -> None:
+    """Simulated guides in two orientations and cubes of two materials, with very little noise."""
     noise = np.random.default_rng(2).normal
     guides = ["guide,orientation,length_mm,power_mW"]
-    for way, per_mm in (("flat", 0.01), ("upright", 0.04)):
+    for orientation, per_mm in (("flat", 0.01), ("upright", 0.04)):
         for mm in (10, 20, 30, 40) * 3:
-            guides.append(f"{len(guides)},{way},{mm},{math.exp(-per_mm * mm + noise(0, 0.01)):.6f}")
+            guides.append(f"{len(guides)},{orientation},{mm},{math.exp(-per_mm * mm + noise(0, 0.01)):.6f}")
     discs = ["dose_mJ_per_cm2,depth_um"]
     discs += [f"{dose},{150.0 * math.log(dose / 12.0) + noise(0, 2.0):.3f}" for dose in (16, 25, 39, 60) * 4]
     Path("guides.csv").write_text("\n".join(guides), encoding="utf-8")
@@ -425,9 +431,9 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
         "--out",
         "s.json",
     )
-    given = ("--cutback", "c.json", "--cure", "k.json", "--stiffness", "s.json")
-    assert "the result contains base, mix" in shell.refused("resin", "build", "r.toml", *WHO, *given)
-    chosen = (
+    options = ("--cutback", "c.json", "--cure", "k.json", "--stiffness", "s.json")
+    assert "the result contains base, mix" in shell.refused("resin", "build", "r.toml", *NAME, *options)
+    choices = (
         "--orientation",
         "upright",
         "--label",
@@ -437,7 +443,7 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
         "--cure-wavelength-nm",
         "385",
     )
-    shell.lines("resin", "build", "r.toml", *WHO, *given, *chosen)
+    shell.lines("resin", "build", "r.toml", *NAME, *options, *choices)
     resin = load_resin("r.toml")
     assert resin.loss.absorption_per_mm == pytest.approx(0.04, abs=5e-4)
     assert resin.loss.interval95_per_mm is not None
@@ -449,4 +455,4 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
     assert (resin.cure.irradiance_mW_per_cm2, resin.cure.wavelength_nm) == (13.0, 385.0)
     assert resin.stiffness is not None
     assert resin.stiffness.parameters["C10_MPa"] == pytest.approx(0.15, rel=1e-3)
-    assert [one.file for one in resin.sources] == ["guides.csv", "discs.csv", "soft.csv"]
+    assert [item.file for item in resin.sources] == ["guides.csv", "discs.csv", "soft.csv"]

@@ -1,4 +1,4 @@
-"""``solen trace SCENE.json``: both formats, what is printed, what is refused."""
+"""`solen trace SCENE.json`: both formats, output and errors."""
 
 import json
 from functools import partial
@@ -15,7 +15,7 @@ from solen.sensor import Sensor
 from solen.trace import integrate, options
 
 LAMP = {"type": "SingleRay", "p1": {"x": 0, "y": 0}, "p2": {"x": 1, "y": 0}, "brightness": 0.5}
-PEER = {
+RAYOPTICS_SCENE = {
     "version": 5,
     "name": "a lamp and a screen",
     "objs": [
@@ -28,14 +28,14 @@ PEER = {
 
 
 @pytest.fixture
-def peer(tmp_path: Path) -> Path:
+def rayoptics_file(tmp_path: Path) -> Path:
     file = tmp_path / "peer.json"
-    file.write_text(json.dumps(PEER), encoding="utf-8")
+    file.write_text(json.dumps(RAYOPTICS_SCENE), encoding="utf-8")
     return file
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
+def solen_file(tmp_path: Path) -> Path:
     wall = Interface("wall", Segment((20.0, -5.0), (20.0, 5.0)), "air", "air", "receiver", "eye")
     rays = Rays(((0.0, 0.0), (0.0, 1.0)), ((1.0, 0.0), (1.0, 0.0)))
     return save(
@@ -46,51 +46,56 @@ def own(tmp_path: Path) -> Path:
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert run_command(["trace", *arguments]) == 0
-    found = capsys.readouterr()
-    assert not found.err
-    return found.out
+    result = capsys.readouterr()
+    assert not result.err
+    return result.out
 
 
-def test_a_peers_scene_in_its_units(peer: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found: dict[str, Any] = json.loads(printed(capsys, str(peer), "--json"))
-    assert found["name"] == "a lamp and a screen"
-    assert found["format"] == "ray-optics"
-    detector = found["readings"]["detector1"]
+def test_traces_rayoptics_scene_in_its_units(rayoptics_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result: dict[str, Any] = json.loads(printed(capsys, str(rayoptics_file), "--json"))
+    assert result["name"] == "a lamp and a screen"
+    assert result["format"] == "ray-optics"
+    detector = result["readings"]["detector1"]
     assert (detector["position"], detector["irradiance"]) == ([0, 2, 4, 6], [0, 0, 0.25, 0])
-    whole = found["readings"]["all"]
-    assert (whole["power"], whole["u_power"], whole["rays"], whole["position"]) == (0.5, None, 1, None)
-    assert found["emitted"] == 0.5
+    detector_without_bins = result["readings"]["all"]
+    assert (
+        detector_without_bins["power"],
+        detector_without_bins["u_power"],
+        detector_without_bins["rays"],
+        detector_without_bins["position"],
+    ) == (0.5, None, 1, None)
+    assert result["emitted"] == 0.5
     reason = "solen does not support this type of object"
-    assert found["not_understood"] == [{"object": 4, "type": "Hologram", "key": None, "reason": reason}]
-    lines = printed(capsys, str(peer)).splitlines()
+    assert result["not_understood"] == [{"object": 4, "type": "Hologram", "key": None, "reason": reason}]
+    lines = printed(capsys, str(rayoptics_file)).splitlines()
     assert lines[0] == "a lamp and a screen (ray-optics), 1 rays, mode power"
     assert "all       0.5 ± unknown  (1 rays)" in lines[2]
     assert lines[-1] == f"not understood: object 4, Hologram: {reason}"
 
 
-def test_a_peers_scene_by_the_engine(peer: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = json.loads(printed(capsys, str(peer), "--json", "--mode", "power"))
-    assert found["readings"]["detector1"]["irradiance"] == [0, 0, 0.25, 0]
+def test_traces_rayoptics_scene_with_engine(rayoptics_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = json.loads(printed(capsys, str(rayoptics_file), "--json", "--mode", "power"))
+    assert result["readings"]["detector1"]["irradiance"] == [0, 0, 0.25, 0]
 
 
-def test_solens_own_scene(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = json.loads(printed(capsys, str(own), "--json", "--paths"))
-    assert found["detectors"]["eye"]["power"] == 1.0
-    assert found["readings"]["eye"]["power"] == 1.0
-    line = found["readings"]["line"]
+def test_traces_solen_scene(solen_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = json.loads(printed(capsys, str(solen_file), "--json", "--paths"))
+    assert result["detectors"]["eye"]["power"] == 1.0
+    assert result["readings"]["eye"]["power"] == 1.0
+    line = result["readings"]["line"]
     assert (line["power"], line["position"], line["irradiance"]) == (1.0, [0, 2, 4, 6], [0, 0.25, 0.25, 0])
-    assert found["ledger"]["detected"] == 1.0
-    assert len(found["branches"]) == 2
+    assert result["ledger"]["detected"] == 1.0
+    assert len(result["branches"]) == 2
 
 
-def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    drawn = tmp_path / "drawn.svg"
-    assert f"figure: {drawn}" in printed(capsys, str(peer), "--figure", str(drawn))
-    assert "a lamp and a screen" in drawn.read_text(encoding="utf-8")
+def test_draws_figure_of_scene(rayoptics_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure = tmp_path / "drawn.svg"
+    assert f"figure: {figure}" in printed(capsys, str(rayoptics_file), "--figure", str(figure))
+    assert "a lamp and a screen" in figure.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("--angle-deg", "0"), "--angle-deg = 0.0; applies to a design"),
         (("--no-lens",), "--no-lens; applies to a design"),
@@ -102,32 +107,32 @@ def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureF
         (("--figure", "drawn.gif"), "a figure must end in"),
     ],
 )
-def test_what_a_scene_does_not_have_is_refused(
-    arguments: tuple[str, ...], told: str, peer: Path, capsys: pytest.CaptureFixture[str]
+def test_refuses_options_that_do_not_apply_to_scene(
+    arguments: tuple[str, ...], message: str, rayoptics_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_command(["trace", str(peer), *arguments]) == 2
-    found = capsys.readouterr()
-    assert not found.out
-    assert told in found.err
-    assert found.err.count("\n") == 1
+    assert run_command(["trace", str(rayoptics_file), *arguments]) == 2
+    result = capsys.readouterr()
+    assert not result.out
+    assert message in result.err
+    assert result.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}', '{"version": 3, "objs": []}', '{"solen_scene": 9}'])
-def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_refuses_invalid_scene_file(content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "scene.json"
     file.write_text(content, encoding="utf-8")
     assert run_command(["trace", str(file)]) == 2
     assert str(file) in capsys.readouterr().err
 
 
-def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["trace", str(own), "--sampling", "adaptive"]) == 2
+def test_integration_refuses_monitors(solen_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["trace", str(solen_file), "--sampling", "adaptive"]) == 2
     assert "evaluates only receivers, but this scene has monitors" in capsys.readouterr().err
 
 
 @pytest.fixture
 def stop(tmp_path: Path) -> Path:
-    """A lamp behind a stop in a ring that detects."""
+    """A lamp with a stop in front of it, inside a ring that detects."""
     black = Interface("stop", Segment((0.3, 3.0), (2.0, 3.0)), "air", "air", "absorbing")
     ring = Interface("ring", Arc.circle((0.0, 0.0), 9.0), "air", "air", "receiver", "ring")
     lamp = Fan((0.0, 0.0), 0.0, 60.0, 101)
@@ -135,9 +140,7 @@ def stop(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("sampling", ["fan", "sobol", "adaptive"])
-def test_every_power_that_is_printed_has_its_uncertainty(
-    sampling: str, stop: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_printed_power_has_uncertainty(sampling: str, stop: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(capsys, str(stop), "--sampling", sampling).splitlines()
     powers = [line for line in lines if line.startswith("  ")]
     assert [line.split()[0] for line in powers] == ["ring", "detected", "escaped", "absorbed", "truncated"]
@@ -147,7 +150,7 @@ def test_every_power_that_is_printed_has_its_uncertainty(
         assert 0.0 <= float(line.split("±")[1].split()[0]) < 2e-2
 
 
-def test_a_tolerance_that_is_not_reached_is_printed_for_scenes_too(
+def test_reports_tolerance_that_is_not_reached(
     stop: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arguments = (str(stop), "--sampling", "adaptive", "--tolerance")
@@ -156,16 +159,23 @@ def test_a_tolerance_that_is_not_reached_is_printed_for_scenes_too(
     assert "the tolerance was not reached: " in printed(capsys, *arguments, "1e-9")
 
 
-def test_a_scene_can_be_checked(peer: Path, own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["check", str(peer)]) == 0
+def test_checks_scenes(
+    rayoptics_file: Path, solen_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["check", str(rayoptics_file)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "a lamp and a screen: a valid scene of ray-optics"
     assert "  monitors    detector1, all" in lines
     assert lines[-1].startswith("not understood: object 4, Hologram")
-    assert run_command(["check", str(own), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["format"], found["rays"], found["receivers"], found["monitors"]) == ("solen", 2, ["eye"], ["line"])
-    assert run_command(["check", str(own), "--set", "lens.focus_mm=3"]) == 2
+    assert run_command(["check", str(solen_file), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["format"], result["rays"], result["receivers"], result["monitors"]) == (
+        "solen",
+        2,
+        ["eye"],
+        ["line"],
+    )
+    assert run_command(["check", str(solen_file), "--set", "lens.focus_mm=3"]) == 2
     assert "applies to a design" in capsys.readouterr().err
     bad = tmp_path / "bad.json"
     bad.write_text("{", encoding="utf-8")
@@ -173,10 +183,10 @@ def test_a_scene_can_be_checked(peer: Path, own: Path, tmp_path: Path, capsys: p
     assert "not JSON" in capsys.readouterr().err
 
 
-def test_light_that_a_file_adds_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ruled = {"type": "DiffractionGrating", "p1": {"x": 5, "y": -4}, "p2": {"x": 5, "y": 4}, "customBrightness": True}
+def test_warns_of_efficiencies_above_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grating = {"type": "DiffractionGrating", "p1": {"x": 5, "y": -4}, "p2": {"x": 5, "y": 4}, "customBrightness": True}
     file = tmp_path / "ruled.json"
-    file.write_text(json.dumps({"version": 5, "objs": [LAMP, ruled]}), encoding="utf-8")
+    file.write_text(json.dumps({"version": 5, "objs": [LAMP, grating]}), encoding="utf-8")
     for command in ("check", "trace"):
         assert run_command([command, str(file)]) == 0
         assert "warning: diffractiongrating1.1: its orders add up to 2 times" in capsys.readouterr().out
@@ -184,18 +194,16 @@ def test_light_that_a_file_adds_is_a_warning(tmp_path: Path, capsys: pytest.Capt
     assert "a sum of 2" in capsys.readouterr().err
 
 
-def test_a_figure_of_a_design_whose_receivers_have_names_of_their_own(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Before, a receiver that is neither right nor left ended in a KeyError."""
+def test_draws_design_with_custom_receiver_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A receiver that is neither right nor left must not end in a KeyError."""
     corners = [(-2, 0), (2, 0), (2, 9), (0, 9), (-2, 9)]
     names = ["lens", "wall", "receiver-north", "receiver-south", "wall"]
     faces = [
         {"name": name, "curve": {"kind": "segment", "a": a, "b": b}}
         for name, a, b in zip(names, corners, corners[1:] + corners[:1], strict=True)
     ]
-    drawn = {"solen_outline": 1, "faces": faces, "emitters": [{"point": (0.0, -1.0), "axis_deg": 0.0}]}
-    (tmp_path / "own.json").write_text(json.dumps(drawn), encoding="utf-8")
+    outline = {"solen_outline": 1, "faces": faces, "emitters": [{"point": (0.0, -1.0), "axis_deg": 0.0}]}
+    (tmp_path / "own.json").write_text(json.dumps(outline), encoding="utf-8")
     design = tmp_path / "own.toml"
     text = 'schema = 1\nname = "own"\n[material]\nindex = 1.5\n[body]\nkind = "outline"\nfile = "own.json"\n'
     design.write_text(text + "[motion]\npivot = [0.0, 0.0]\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`solen resin spectra`: one JSON object or lines, one line and exit code 2 for a bad file, a figure on request."""
+"""`solen resin spectra`: JSON, lines and figure; one line and exit code 2 for a bad file."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ def export(tmp_path: Path) -> Path:
     return path
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def printed_by(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     code = run_command(["resin", "spectra", *map(str, arguments)])
     printed = capsys.readouterr()
     assert (code, printed.err) == (0, "")
@@ -27,46 +27,46 @@ def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 
 
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(told(capsys, *arguments, "--json"))
-    return found
+    result: dict[str, Any] = json.loads(printed_by(capsys, *arguments, "--json"))
+    return result
 
 
-def test_every_trace_with_its_kind_and_reach(export: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = as_json(capsys, export)
+def test_lists_traces_with_quantity_and_range(export: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = as_json(capsys, export)
     keys = ("name", "quantity", "unit", "points", "range_nm")
-    assert [tuple(one[key] for key in keys) for one in found["traces"]] == [
+    assert [tuple(trace[key] for key in keys) for trace in result["traces"]] == [
         ("film 1", "transmittance", "%", 40, [705.0, 900.0]),
         ("film 2", "transmittance", "%", 37, [720.0, 900.0]),
         ("film 1 (2)", "absorbance", "1", 40, [705.0, 900.0]),
     ]
-    assert found["format"] == "agilent-cary-csv"
-    assert found["sources"][0]["instrument"] == "Cary 5000"
-    assert len(found["warnings"]) == 1
-    assert "film 2: the scan contains 900 to 720 nm" in found["warnings"][0]
-    lines = told(capsys, export)
-    assert all(one["name"] in lines for one in found["traces"])
-    assert found["warnings"][0] in lines
+    assert result["format"] == "agilent-cary-csv"
+    assert result["sources"][0]["instrument"] == "Cary 5000"
+    assert len(result["warnings"]) == 1
+    assert "film 2: the scan contains 900 to 720 nm" in result["warnings"][0]
+    lines = printed_by(capsys, export)
+    assert all(trace["name"] in lines for trace in result["traces"])
+    assert result["warnings"][0] in lines
 
 
-def test_traces_are_chosen_by_name(export: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = as_json(capsys, export, "--trace", "film 1")
-    assert [one["name"] for one in found["traces"]] == ["film 1"]
-    assert found["warnings"] == []
+def test_selects_traces_by_name(export: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = as_json(capsys, export, "--trace", "film 1")
+    assert [trace["name"] for trace in result["traces"]] == ["film 1"]
+    assert result["warnings"] == []
     assert run_command(["resin", "spectra", str(export), "--trace", "film 3"]) == 2
     assert "trace film 3; not in spectra.csv; did you mean film 2?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
-def test_a_figure_has_a_panel_for_each_kind(export: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figure_has_panel_for_each_quantity(export: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     figure = export.with_name(f"drawn{suffix}")
-    found = as_json(capsys, export, "--figure", figure)
-    assert found["files"] == {"figure": str(figure)}
+    result = as_json(capsys, export, "--figure", figure)
+    assert result["files"] == {"figure": str(figure)}
     first = figure.read_bytes()
     as_json(capsys, export, "--figure", figure)
     assert figure.read_bytes() == first
     if suffix == ".svg":
         text = first.decode("utf-8")
-        assert all(words in text for words in ("transmittance (%)", "absorbance", "film 1 (2)", "wavelength (nm)"))
+        assert all(label in text for label in ("transmittance (%)", "absorbance", "film 1 (2)", "wavelength (nm)"))
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_a_figure_has_a_panel_for_each_kind(export: Path, suffix: str, capsys: p
         ("wavelength_nm\n400\n", "holds no spectrum; add a column of values"),
     ],
 )
-def test_what_cannot_be_read_is_one_line(
+def test_refuses_unreadable_file_in_one_line(
     tmp_path: Path, content: str, line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "file.csv"
@@ -92,7 +92,7 @@ def test_what_cannot_be_read_is_one_line(
     assert not (tmp_path / "f.svg").exists()
 
 
-def test_a_trace_without_numbers_has_no_reach(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_trace_without_values_has_no_range(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "file.csv"
     path.write_text("wavelength_nm,T (%),sample (au)\n400,,0.1\n500,,0.2\n", encoding="utf-8")
     first, second = as_json(capsys, path)["traces"]

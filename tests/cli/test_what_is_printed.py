@@ -1,4 +1,4 @@
-"""What a command prints: one JSON object and nothing else, or lines that say the same; and what it ends with."""
+"""Output of commands: one JSON object, or lines with the same content; and exit codes."""
 
 import json
 import os
@@ -21,12 +21,12 @@ from solen.trace import convergence
 from tests.command_support import without_waiting
 
 STEP = ("--set", "motion.step_deg=6")
-HELPED = ("trace", "convergence", "sensitivity", "run")
+HELP_COMMANDS = ("trace", "convergence", "sensitivity", "run")
 
 
 @pytest.fixture(autouse=True)
 def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run compares one number of the design here: its lines are the same with more."""
+    """Reduce the comparison in a run to one number of the design; more numbers give the same lines."""
     monkeypatch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))
     monkeypatch.setattr("solen.sensor.effects.HOLDS", {})
 
@@ -38,12 +38,12 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(target)
 
 
-class Told:
+class CommandRunner:
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self.capsys = capsys
 
     def lines(self, *arguments: str) -> list[str]:
-        """Lines of stdout of a command that succeeds without a word on stderr."""
+        """Lines on stdout of a command that succeeds and prints nothing on stderr."""
         self.capsys.readouterr()
         code = run_command(list(arguments))
         printed = self.capsys.readouterr()
@@ -51,57 +51,57 @@ class Told:
         return printed.out.splitlines()
 
     def json(self, *arguments: str) -> dict[str, Any]:
-        """The one JSON object on stdout."""
+        """The JSON object on stdout."""
         text = "\n".join(self.lines(*arguments))
 
         def refuse(constant: str) -> None:
             raise AssertionError(constant)
 
-        found = json.loads(text, parse_constant=refuse)
-        assert isinstance(found, dict)
-        return found
+        result = json.loads(text, parse_constant=refuse)
+        assert isinstance(result, dict)
+        return result
 
 
 @pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Told:
-    return Told(capsys)
+def runner(capsys: pytest.CaptureFixture[str]) -> CommandRunner:
+    return CommandRunner(capsys)
 
 
-def test_commands_of_a_design_print_one_json_object(told: Told, design: str, tmp_path: Path) -> None:
-    assert told.json("new", str(tmp_path / "new"), "--json") == {
+def test_design_commands_print_one_json_object(runner: CommandRunner, design: str, tmp_path: Path) -> None:
+    assert runner.json("new", str(tmp_path / "new"), "--json") == {
         "design": str(tmp_path / "new" / "sensor.toml"),
         "example": "solen-860",
         "files": {"schema": str(tmp_path / "new" / "sensor.schema.json")},
     }
-    assert told.json("schema", "--json")["title"] == "solen design file"
-    assert told.json("schema") == told.json("schema", "--json")
-    assert told.json("check", design, "--json")["angles"] == 25
-    assert told.json("lens", design, "--json")["lens"]["focus_mm"] == 20.0
-    assert told.json("trace", design, "--json")["rays"] == 100
-    found = told.json("run", design, "--out", str(tmp_path / "out"), *STEP, "--json")
-    assert found["summary"]["lens"]["to_deg"] == 3.0
-    assert all(Path(name).is_file() for name in found["files"].values())
+    assert runner.json("schema", "--json")["title"] == "solen design file"
+    assert runner.json("schema") == runner.json("schema", "--json")
+    assert runner.json("check", design, "--json")["angles"] == 25
+    assert runner.json("lens", design, "--json")["lens"]["focus_mm"] == 20.0
+    assert runner.json("trace", design, "--json")["rays"] == 100
+    result = runner.json("run", design, "--out", str(tmp_path / "out"), *STEP, "--json")
+    assert result["summary"]["lens"]["to_deg"] == 3.0
+    assert all(Path(name).is_file() for name in result["files"].values())
 
 
-def test_json_with_csv_and_figure_says_where_they_are(told: Told, design: str, tmp_path: Path) -> None:
+def test_json_contains_paths_of_files(runner: CommandRunner, design: str, tmp_path: Path) -> None:
     table, figure = tmp_path / "lens.csv", tmp_path / "rays.svg"
-    assert told.json("lens", design, "--csv", str(table), "--json")["files"] == {"profile": str(table)}
-    assert told.json("trace", design, "--figure", str(figure), "--json")["files"] == {"figure": str(figure)}
+    assert runner.json("lens", design, "--csv", str(table), "--json")["files"] == {"profile": str(table)}
+    assert runner.json("trace", design, "--figure", str(figure), "--json")["files"] == {"figure": str(figure)}
     assert table.is_file()
     assert figure.is_file()
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str) -> None:
-    found = told.json("trace", design, "--angle-deg", "-1", "--rays", "50", "--mode", mode, "--json")
-    assert set(found["detectors"]) == {"left", "right"}
-    for detector in found["detectors"].values():
+def test_trace_has_expected_keys(runner: CommandRunner, design: str, mode: str) -> None:
+    result = runner.json("trace", design, "--angle-deg", "-1", "--rays", "50", "--mode", mode, "--json")
+    assert set(result["detectors"]) == {"left", "right"}
+    for detector in result["detectors"].values():
         assert (detector["power_by_angle"], detector["power_by_position"]) == ([], [])
         assert isinstance(detector["rays"], int)
-    assert set(found["ledger"]) == {"detected", "escaped", "absorbed", "truncated"}
-    assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-12)
-    assert (found["rays"], found["mode"], found["angle_deg"]) == (50, mode, -1.0)
-    assert found["branches"] is None
+    assert set(result["ledger"]) == {"detected", "escaped", "absorbed", "truncated"}
+    assert sum(result["ledger"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert (result["rays"], result["mode"], result["angle_deg"]) == (50, mode, -1.0)
+    assert result["branches"] is None
 
 
 AT = {"angle_deg", "depth_mm", "force_N"}
@@ -140,172 +140,174 @@ TRACED = AT | {
     ],
     ids=" ".join,
 )
-def test_every_way_to_trace_has_the_same_keys(told: Told, design: str, arguments: list[str]) -> None:
-    found = told.json("trace", design, "--angle-deg", "0.2", *arguments, "--json")
-    assert set(found) == TRACED
-    assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-7 if "single" in arguments else 1e-12)
-    assert (found["single_error"] is None) == ("single" not in arguments)
-    assert (found["pieces"] > 0) == ("adaptive" in arguments)
-    assert (found["why"] == "") == found["reached"]
-    lines = told.lines("trace", design, "--angle-deg", "0.2", *arguments)
-    assert lines[0].startswith(f"Paper 860 nm at 0.2 deg, {found['rays']} rays, mode {found['mode']}")
+def test_all_trace_options_give_the_same_keys(runner: CommandRunner, design: str, arguments: list[str]) -> None:
+    result = runner.json("trace", design, "--angle-deg", "0.2", *arguments, "--json")
+    assert set(result) == TRACED
+    assert sum(result["ledger"].values()) == pytest.approx(1.0, abs=1e-7 if "single" in arguments else 1e-12)
+    assert (result["single_error"] is None) == ("single" not in arguments)
+    assert (result["pieces"] > 0) == ("adaptive" in arguments)
+    assert (result["why"] == "") == result["reached"]
+    lines = runner.lines("trace", design, "--angle-deg", "0.2", *arguments)
+    assert lines[0].startswith(f"Paper 860 nm at 0.2 deg, {result['rays']} rays, mode {result['mode']}")
     assert any("single precision" in line for line in lines) == ("single" in arguments)
-    assert any("tolerance was not reached" in line for line in lines) == (not found["reached"])
+    assert any("tolerance was not reached" in line for line in lines) == (not result["reached"])
 
 
-def test_an_uncertainty_that_is_not_known_is_null(told: Told, design: str) -> None:
-    found = told.json("trace", design, "--rays", "1", "--json")
-    assert [one["u_power"] for one in found["detectors"].values()] == [None, None]
+def test_unknown_uncertainty_is_null(runner: CommandRunner, design: str) -> None:
+    result = runner.json("trace", design, "--rays", "1", "--json")
+    assert [detector["u_power"] for detector in result["detectors"].values()] == [None, None]
 
 
-def test_a_tolerance_is_what_the_uncertainty_stays_below(told: Told, design: str) -> None:
-    how = ("--sampling", "adaptive", "--mode", "power", "--angle-deg", "0.2", "--json")
-    loose, tight, plain = (told.json("trace", design, *how, *more) for more in
+def test_uncertainty_is_within_tolerance(runner: CommandRunner, design: str) -> None:
+    arguments = ("--sampling", "adaptive", "--mode", "power", "--angle-deg", "0.2", "--json")
+    loose, tight, default = (runner.json("trace", design, *arguments, *options) for options in
                            (("--tolerance", "1e-2"), ("--tolerance", "1e-9"), ()))  # fmt: skip
-    for found, tolerance in ((loose, 1e-2), (tight, 1e-9), (plain, 1e-6)):
-        assert found["method"] == "adaptive"
-        assert found["reached"]
+    for result, tolerance in ((loose, 1e-2), (tight, 1e-9), (default, 1e-6)):
+        assert result["method"] == "adaptive"
+        assert result["reached"]
         for side in ("right", "left"):
-            assert found["detectors"][side]["u_power"] <= tolerance
-            off = abs(found["detectors"][side]["power"] - tight["detectors"][side]["power"])
-            assert off <= found["detectors"][side]["u_power"] + 1e-9
-    assert loose["rays"] < plain["rays"] < tight["rays"]
+            assert result["detectors"][side]["u_power"] <= tolerance
+            difference = abs(result["detectors"][side]["power"] - tight["detectors"][side]["power"])
+            assert difference <= result["detectors"][side]["u_power"] + 1e-9
+    assert loose["rays"] < default["rays"] < tight["rays"]
 
 
 @pytest.mark.parametrize("mode", ["count", "power", "roulette"])
-def test_a_seed_makes_the_sample(told: Told, design: str, mode: str) -> None:
-    how = ("--mode", mode, "--sampling", "sobol", "--rays", "200", "--angle-deg", "0.2", "--json")
-    one, same, other = (told.json("trace", design, *how, "--seed", seed) for seed in ("1", "1", "2"))
-    assert one == same
-    assert one["detectors"] != other["detectors"]
-    assert one["rays"] == 256
-    assert all(detector["u_power"] > 0.0 for detector in one["detectors"].values())
+def test_seed_determines_sample(runner: CommandRunner, design: str, mode: str) -> None:
+    arguments = ("--mode", mode, "--sampling", "sobol", "--rays", "200", "--angle-deg", "0.2", "--json")
+    first, repeated, second = (runner.json("trace", design, *arguments, "--seed", seed) for seed in ("1", "1", "2"))
+    assert first == repeated
+    assert first["detectors"] != second["detectors"]
+    assert first["rays"] == 256
+    assert all(detector["u_power"] > 0.0 for detector in first["detectors"].values())
 
 
-def test_a_histogram_adds_up_to_the_power(told: Told, design: str) -> None:
-    found = told.json("trace", design, "--rays", "500", "--mode", "power", "--histogram", "7", "--json")
-    for side, detector in found["detectors"].items():
-        assert found["faces"][side] == [f"receiver-{side}"]
+def test_histogram_adds_up_to_power(runner: CommandRunner, design: str) -> None:
+    result = runner.json("trace", design, "--rays", "500", "--mode", "power", "--histogram", "7", "--json")
+    for side, detector in result["detectors"].items():
+        assert result["faces"][side] == [f"receiver-{side}"]
         (by_position,) = detector["power_by_position"]
         assert len(detector["power_by_angle"]) == len(by_position) == 7
         assert sum(detector["power_by_angle"]) == pytest.approx(detector["power"], abs=1e-12)
         assert sum(by_position) == pytest.approx(detector["power"], abs=1e-12)
 
 
-def test_a_netcdf_file_holds_what_was_traced_and_the_design(told: Told, design: str, tmp_path: Path) -> None:
+def test_netcdf_file_contains_trace_and_design(runner: CommandRunner, design: str, tmp_path: Path) -> None:
     target = tmp_path / "a trace.nc"
-    how = ("--angle-deg", "0.2", "--mode", "power", "--histogram", "5", "--paths", "--netcdf", str(target))
-    found = told.json("trace", design, *how, "--json")
-    assert found["files"] == {"netcdf": str(target)}
-    held = xr.load_dataset(target, engine="h5netcdf")
-    assert (held.attrs["name"], held.attrs["angle_deg"], held.attrs["simulated"]) == ("Paper 860 nm", 0.2, 1)
-    assert loads(held.attrs["design"]).trace.mode == "power"
-    for side, detector in found["detectors"].items():
-        assert float(held["power"].sel(receiver=side)) == detector["power"]
-        assert list(held["power_by_angle"].sel(receiver=side).values) == detector["power_by_angle"]
-    faces = held.attrs["interfaces"].split(", ")
-    first = held.isel(leg=0)
-    assert found["branches"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
-    assert found["branches"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
+    arguments = ("--angle-deg", "0.2", "--mode", "power", "--histogram", "5", "--paths", "--netcdf", str(target))
+    result = runner.json("trace", design, *arguments, "--json")
+    assert result["files"] == {"netcdf": str(target)}
+    dataset = xr.load_dataset(target, engine="h5netcdf")
+    assert (dataset.attrs["name"], dataset.attrs["angle_deg"], dataset.attrs["simulated"]) == ("Paper 860 nm", 0.2, 1)
+    assert loads(dataset.attrs["design"]).trace.mode == "power"
+    for side, detector in result["detectors"].items():
+        assert float(dataset["power"].sel(receiver=side)) == detector["power"]
+        assert list(dataset["power_by_angle"].sel(receiver=side).values) == detector["power_by_angle"]
+    faces = dataset.attrs["interfaces"].split(", ")
+    first = dataset.isel(leg=0)
+    assert (
+        result["branches"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
+    )
+    assert result["branches"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
     first_bytes = target.read_bytes()
-    assert told.lines("trace", design, *how)[-1] == f"netcdf: {target}"
+    assert runner.lines("trace", design, *arguments)[-1] == f"netcdf: {target}"
     assert target.read_bytes() == first_bytes
 
 
-def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
-    told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_convergence_agrees_in_lines_and_json_and_draws_figure(
+    runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=64))
     figure = tmp_path / "convergence.svg"
-    how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
-    found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == AT | {"name", "emitter", "mode", "reference", "series", "warnings", "files"}
-    assert (found["mode"], found["angle_deg"], found["files"]) == ("power", 0.2, {"figure": str(figure)})
-    assert set(found["reference"]["detectors"]) == {"left", "right"}
-    assert found["reference"]["method"] == "adaptive"
-    assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]
-    assert found["series"][0]["rays"] == [16, 32, 64]
+    arguments = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
+    result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)
+    assert set(result) == AT | {"name", "emitter", "mode", "reference", "series", "warnings", "files"}
+    assert (result["mode"], result["angle_deg"], result["files"]) == ("power", 0.2, {"figure": str(figure)})
+    assert set(result["reference"]["detectors"]) == {"left", "right"}
+    assert result["reference"]["method"] == "adaptive"
+    assert [series["method"] for series in result["series"]] == ["fan", "sobol", "adaptive"]
+    assert result["series"][0]["rays"] == [16, 32, 64]
     rows = [line.split() for line in lines[1:-1]]
-    assert [row[0] for row in rows] == [series["method"] for series in found["series"] for _ in series["rays"]]
-    assert [int(row[1]) for row in rows] == [rays for series in found["series"] for rays in series["rays"]]
-    errors = [error for series in found["series"] for error in series["error"]]
+    assert [row[0] for row in rows] == [series["method"] for series in result["series"] for _ in series["rays"]]
+    assert [int(row[1]) for row in rows] == [rays for series in result["series"] for rays in series["rays"]]
+    errors = [error for series in result["series"] for error in series["error"]]
     assert [float(row[4]) for row in rows] == pytest.approx(errors, rel=0.06)
     assert lines[-1] == f"figure: {figure}"
     assert figure.read_bytes().startswith(b"<?xml")
-    assert told.json("convergence", design, "--mode", "count", "--json")["mode"] == "count"
+    assert runner.json("convergence", design, "--mode", "count", "--json")["mode"] == "count"
 
 
-def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str) -> None:
-    how = ("sensitivity", design, "--angle-deg", "0.2")
-    found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == AT | {"name", "sensitivities", "skipped", "warnings", "simulated", "files"}
+def test_sensitivity_agrees_in_lines_and_json(runner: CommandRunner, design: str) -> None:
+    arguments = ("sensitivity", design, "--angle-deg", "0.2")
+    result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)
+    assert set(result) == AT | {"name", "sensitivities", "skipped", "warnings", "simulated", "files"}
     rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
-    for row in found["sensitivities"]:
+    for row in result["sensitivities"]:
         assert set(row) == {"key", "value", "right", "left", "contrast", "why", "tolerance", "effect"}
-        shown = rows[row["key"]]
-        assert float(shown[0]) == pytest.approx(row["value"], rel=1e-5)
+        columns = rows[row["key"]]
+        assert float(columns[0]) == pytest.approx(row["value"], rel=1e-5)
         if row["why"] is None:
-            wanted = [row[name]["value"] for name in ("right", "left", "contrast")]
-            assert [float(text) for text in shown[1:4]] == pytest.approx(wanted, rel=1e-5)
+            expected = [row[name]["value"] for name in ("right", "left", "contrast")]
+            assert [float(text) for text in columns[1:4]] == pytest.approx(expected, rel=1e-5)
         else:
             assert row["contrast"] == {"value": None, "u_value": None}
-            assert row["why"].split() == shown[1:]
+            assert row["why"].split() == columns[1:]
     assert [line for line in lines if line.startswith("omitted: ")] == [
-        f"omitted: {key}: {why}" for key, why in found["skipped"].items()
+        f"omitted: {key}: {why}" for key, why in result["skipped"].items()
     ]
-    two = told.json(*how, "body.arm_width_mm", "lens.focus_mm", "--json")
-    by_key = {row["key"]: row for row in found["sensitivities"]}
-    assert two["sensitivities"] == [by_key["body.arm_width_mm"], by_key["lens.focus_mm"]]
-    assert two["skipped"] == {}
+    selected = runner.json(*arguments, "body.arm_width_mm", "lens.focus_mm", "--json")
+    by_key = {row["key"]: row for row in result["sensitivities"]}
+    assert selected["sensitivities"] == [by_key["body.arm_width_mm"], by_key["lens.focus_mm"]]
+    assert selected["skipped"] == {}
 
 
-def test_in_the_dark_there_is_no_contrast_to_change(told: Told, design: str) -> None:
+def test_sensitivity_without_light_has_no_contrast(runner: CommandRunner, design: str) -> None:
     dark = ("--set", "material.absorption_per_mm=1000.0")
-    (row,) = told.json("sensitivity", design, "body.arm_width_mm", *dark, "--json")["sensitivities"]
+    (row,) = runner.json("sensitivity", design, "body.arm_width_mm", *dark, "--json")["sensitivities"]
     assert (row["right"]["value"], row["contrast"]["value"], row["why"]) == (0.0, None, None)
-    assert "none" in told.lines("sensitivity", design, "body.arm_width_mm", *dark)[2]
+    assert "none" in runner.lines("sensitivity", design, "body.arm_width_mm", *dark)[2]
 
 
-def test_the_paper_s_numbers_come_out_of_the_command(told: Told, design: str) -> None:
-    found = told.json("trace", design, "--angle-deg", "-3", "--rays", "100000", "--json")
-    assert found["detectors"]["right"]["power"] == pytest.approx(0.5905, abs=0.003)
-    left = found["detectors"]["left"]
+def test_trace_reproduces_numbers_of_paper(runner: CommandRunner, design: str) -> None:
+    result = runner.json("trace", design, "--angle-deg", "-3", "--rays", "100000", "--json")
+    assert result["detectors"]["right"]["power"] == pytest.approx(0.5905, abs=0.003)
+    left = result["detectors"]["left"]
     assert (left["power"], left["u_power"], left["rays"], left["optical_path_mm"]) == (0.0, 1e-5, 0, None)
-    assert found["detectors"]["right"]["rays"] == round(found["detectors"]["right"]["power"] * 100_000)
-    rest = told.json("trace", design, "--rays", "100000", "--json")["detectors"]
-    assert rest["left"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
-    assert rest["right"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
-    power = told.json("trace", design, "--angle-deg", "-3", "--rays", "20000", "--mode", "power", "--json")
+    assert result["detectors"]["right"]["rays"] == round(result["detectors"]["right"]["power"] * 100_000)
+    at_rest = runner.json("trace", design, "--rays", "100000", "--json")["detectors"]
+    assert at_rest["left"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
+    assert at_rest["right"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
+    power = runner.json("trace", design, "--angle-deg", "-3", "--rays", "20000", "--mode", "power", "--json")
     assert power["ledger"]["detected"] == pytest.approx(0.5207, abs=0.003)
 
 
-def test_without_lens_the_receivers_hardly_differ(told: Told, design: str) -> None:
-    found = told.json("trace", design, "--angle-deg", "-3", "--no-lens", "--rays", "20000", "--json")
-    right, left = (found["detectors"][side]["power"] for side in ("right", "left"))
-    assert found["lens"] == "none"
+def test_receivers_hardly_differ_without_lens(runner: CommandRunner, design: str) -> None:
+    result = runner.json("trace", design, "--angle-deg", "-3", "--no-lens", "--rays", "20000", "--json")
+    right, left = (result["detectors"][side]["power"] for side in ("right", "left"))
+    assert result["lens"] == "none"
     assert 0.0 < (right - left) / (right + left) < 0.12
-    by_set = told.json("trace", design, "--angle-deg", "-3", "--set", "lens.shape=none", "--rays", "20000", "--json")
-    assert by_set == found
+    by_set = runner.json("trace", design, "--angle-deg", "-3", "--set", "lens.shape=none", "--rays", "20000", "--json")
+    assert by_set == result
 
 
-def test_paths_are_added_with_json(told: Told, design: str) -> None:
-    plain = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--json")
-    found = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--paths", "--json")
-    paths = found.pop("branches")
-    lengths = [result["detectors"]["left"].pop("optical_path_mm") for result in (found, plain)]
+def test_paths_are_added_to_json(runner: CommandRunner, design: str) -> None:
+    default = runner.json("trace", design, "--rays", "8", "--angle-deg", "1", "--json")
+    result = runner.json("trace", design, "--rays", "8", "--angle-deg", "1", "--paths", "--json")
+    paths = result.pop("branches")
+    lengths = [result["detectors"]["left"].pop("optical_path_mm") for result in (result, default)]
     assert lengths[0] == pytest.approx(lengths[1], rel=1e-12)
-    assert found | {"branches": None} == plain
+    assert result | {"branches": None} == default
     assert [path["ray"] for path in paths] == list(range(8))
     for path in paths:
         assert set(path) == {"ray", "branch", "parent", "fate", "power", "faces", "points_mm", "exit_direction"}
         assert len(path["points_mm"]) == len(path["faces"]) + 1
         assert (path["exit_direction"] is None) == (path["fate"] != "escaped")
     arrived = [path["faces"][-1] for path in paths if path["fate"] == "detected"]
-    assert arrived.count("receiver-left") == plain["detectors"]["left"]["rays"] > 0
+    assert arrived.count("receiver-left") == default["detectors"]["left"]["rays"] > 0
 
 
-def test_paths_of_a_ray_straight_ahead_warn_of_nothing(told: Told, design: str) -> None:
-    assert len(told.json("trace", design, "--rays", "3", "--mode", "power", "--paths", "--json")["branches"]) >= 3
+def test_paths_of_a_ray_straight_ahead_warn_of_nothing(runner: CommandRunner, design: str) -> None:
+    assert len(runner.json("trace", design, "--rays", "3", "--mode", "power", "--paths", "--json")["branches"]) >= 3
 
 
 @pytest.mark.parametrize(
@@ -329,40 +331,40 @@ def test_paths_of_a_ray_straight_ahead_warn_of_nothing(told: Told, design: str) 
     ids=str,
 )
 def test_set_takes_toml_else_text(
-    told: Told, design: str, assignments: list[str], where: tuple[str], value: object
+    runner: CommandRunner, design: str, assignments: list[str], where: tuple[str], value: object
 ) -> None:
     options = [part for assignment in assignments for part in ("--set", assignment)]
-    found: Any = told.json("trace", design, "--json", *options)
+    result: Any = runner.json("trace", design, "--json", *options)
     for key in where:
-        found = found[key]
-    assert found == value
+        result = result[key]
+    assert result == value
 
 
-def test_an_option_of_its_own_is_stronger_than_set(told: Told, design: str) -> None:
-    found = told.json("trace", design, "--rays", "20", "--set", "emitter.rays=30", "--json")
-    assert found["rays"] == 20
+def test_an_option_of_its_own_is_stronger_than_set(runner: CommandRunner, design: str) -> None:
+    result = runner.json("trace", design, "--rays", "20", "--set", "emitter.rays=30", "--json")
+    assert result["rays"] == 20
 
 
-def test_lines_say_what_json_says(told: Told, design: str) -> None:
+def test_lines_say_what_json_says(runner: CommandRunner, design: str) -> None:
     arguments = ["trace", design, "--angle-deg", "-3", "--rays", "1000"]
-    found, lines = told.json(*arguments, "--json"), told.lines(*arguments)
+    result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)
     assert lines[0] == "Paper 860 nm at -3 deg, 1000 rays, mode count"
-    shown = {line.split()[0]: float(line.split()[1]) for line in lines[1:]}
-    assert shown["right"] == pytest.approx(found["detectors"]["right"]["power"], abs=1e-6)
-    for key, value in found["ledger"].items():
-        assert shown[key] == pytest.approx(value, abs=1e-6)
-    lens, lines = told.json("lens", design, "--json"), told.lines("lens", design)
+    columns = {line.split()[0]: float(line.split()[1]) for line in lines[1:]}
+    assert columns["right"] == pytest.approx(result["detectors"]["right"]["power"], abs=1e-6)
+    for key, value in result["ledger"].items():
+        assert columns[key] == pytest.approx(value, abs=1e-6)
+    lens, lines = runner.json("lens", design, "--json"), runner.lines("lens", design)
     for line in lines:
         key, text = line.split()
-        wanted = (lens["lens"] | lens["foci"][1])[key]
-        assert text == wanted if isinstance(wanted, str) else float(text) == pytest.approx(wanted, rel=1e-5)
+        expected = (lens["lens"] | lens["foci"][1])[key]
+        assert text == expected if isinstance(expected, str) else float(text) == pytest.approx(expected, rel=1e-5)
 
 
 def test_a_run_ends_with_where_its_report_is(
-    told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
-    lines = told.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
+    lines = runner.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
     assert lines[0].startswith("Paper 860 nm: index 1.44 at 860 nm")
     assert lines[-1] == f"report: {tmp_path / 'o u t' / 'report.html'}"
     assert lines[1] == "what to expect"
@@ -387,74 +389,76 @@ warnings = ["no reflectance went into it"]
 
 
 def test_a_command_that_uses_a_resin_reports_what_is_missing_in_it(
-    told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
     (Path(design).parent / "unsure.toml").write_text(UNSURE, encoding="utf-8")
     resin = ("--set", "material.resin=unsure.toml")
     warning = "warning: index: no reflectance went into it"
     for command in ("check", "lens", "trace"):
-        assert warning in told.lines(command, design, *resin)
-    found = told.json("check", design, *resin, "--json")
-    assert found["material"]["warnings"] == ["index: no reflectance went into it"]
+        assert warning in runner.lines(command, design, *resin)
+    result = runner.json("check", design, *resin, "--json")
+    assert result["material"]["warnings"] == ["index: no reflectance went into it"]
     for command in ("lens", "trace"):
-        assert told.json(command, design, *resin, "--json")["warnings"] == found["material"]["warnings"]
-    assert ["mode", "as-published"] in [line.split() for line in told.lines("check", design, *resin)]
-    foci = [line for line in told.lines("lens", design, *resin) if line.startswith("  index ")]
+        assert runner.json(command, design, *resin, "--json")["warnings"] == result["material"]["warnings"]
+    assert ["mode", "as-published"] in [line.split() for line in runner.lines("check", design, *resin)]
+    foci = [line for line in runner.lines("lens", design, *resin) if line.startswith("  index ")]
     assert [line.split()[1] for line in foci] == ["1.44", "1.48"]
-    run = told.lines("run", design, "--out", str(tmp_path / "out"), *STEP, *resin)
+    run = runner.lines("run", design, "--out", str(tmp_path / "out"), *STEP, *resin)
     assert run[0] == "Paper 860 nm: index 1.46 ± 0.02 at 860 nm; in the plane"
     assert warning in run[-3:]
 
 
-def test_keys_without_effect_are_reported(told: Told, design: str) -> None:
+def test_reports_keys_without_effect(runner: CommandRunner, design: str) -> None:
     keys = ["--set", "receivers.height_mm=2", "--set", "material.absorption_per_mm=0.1"]
     height = 'receivers.height_mm = 2 has no effect in the plane; set trace.dimension = "extruded"'
     absorption = 'material.absorption_per_mm = 0.1 has no effect in mode "count"; set trace.mode = "power"'
-    assert told.json("trace", design, *keys, "--json")["warnings"] == [height, absorption]
-    assert told.json("trace", design, *keys, "--mode", "power", "--json")["warnings"] == [height]
-    assert told.json("trace", design, "--json")["warnings"] == []
-    assert told.json("check", design, *keys, "--json")["warnings"] == [height]
-    assert f"warning: {height}" in told.lines("trace", design, *keys)
-    assert f"warning: {height}" in told.lines("check", design, *keys)
+    assert runner.json("trace", design, *keys, "--json")["warnings"] == [height, absorption]
+    assert runner.json("trace", design, *keys, "--mode", "power", "--json")["warnings"] == [height]
+    assert runner.json("trace", design, "--json")["warnings"] == []
+    assert runner.json("check", design, *keys, "--json")["warnings"] == [height]
+    assert f"warning: {height}" in runner.lines("trace", design, *keys)
+    assert f"warning: {height}" in runner.lines("check", design, *keys)
 
 
-def test_check_says_that_all_angles_work(told: Told, design: str) -> None:
-    lines = told.lines("check", design)
+def test_check_reports_valid_sensor_at_all_angles(runner: CommandRunner, design: str) -> None:
+    lines = runner.lines("check", design)
     assert lines[0] == "Paper 860 nm: a valid sensor at all 25 angles"
     assert any(line.split() == ["arm_angle_deg", "7.38437"] for line in lines)
 
 
-def test_paths_and_folders_are_relative_to_where_one_is(
-    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_paths_are_relative_to_working_folder(
+    runner: CommandRunner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "sub").mkdir()
     monkeypatch.chdir(tmp_path / "sub")
-    assert told.lines("new", "../a b")[0] == f"wrote {Path('..') / 'a b' / 'sensor.toml'}"
-    told.lines("lens", "../a b/sensor.toml", "--csv", "lens.csv")
+    assert runner.lines("new", "../a b")[0] == f"wrote {Path('..') / 'a b' / 'sensor.toml'}"
+    runner.lines("lens", "../a b/sensor.toml", "--csv", "lens.csv")
     assert sorted(path.name for path in (tmp_path / "sub").iterdir()) == ["lens.csv"]
 
 
-def test_a_resin_file_lies_beside_its_design(told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resin_file_is_relative_to_design(
+    runner: CommandRunner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     resin = 'schema = 1\nname = "mine"\n[index]\nkind = "number"\nn = 1.5\n'
     (tmp_path / "designs").mkdir()
     (tmp_path / "designs" / "mine.toml").write_text(resin, encoding="utf-8")
     text = 'schema = 1\nname = "x"\n[material]\nresin = "mine.toml"\n'
     (tmp_path / "designs" / "sensor.toml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    assert told.json("check", "designs/sensor.toml", "--json")["material"]["index"] == 1.5
+    assert runner.json("check", "designs/sensor.toml", "--json")["material"]["index"] == 1.5
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"], *([name, "--help"] for name in HELPED)], ids=str)
-def test_help_ends_well(told: Told, arguments: list[str]) -> None:
-    assert any("Usage: solen" in line for line in told.lines(*arguments))
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"], *([name, "--help"] for name in HELP_COMMANDS)], ids=str)
+def test_help_succeeds(runner: CommandRunner, arguments: list[str]) -> None:
+    assert any("Usage: solen" in line for line in runner.lines(*arguments))
 
 
-def test_version(told: Told) -> None:
-    assert told.lines("--version") == [solen.__version__]
+def test_version(runner: CommandRunner) -> None:
+    assert runner.lines("--version") == [solen.__version__]
 
 
-def test_ctrl_c_is_one_line_and_130(
+def test_interrupt_gives_one_line_and_exit_code_130(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, design: str
 ) -> None:
     def interrupted(*_: object) -> None:
@@ -473,38 +477,38 @@ def process(*arguments: str, **environment: str) -> subprocess.CompletedProcess[
     return subprocess.run(command, capture_output=True, env=os.environ | environment, check=False)
 
 
-def test_a_true_process_prints_one_json_object_alone(design: str) -> None:
-    done = process("trace", design, "--angle-deg", "-3", "--json")
-    assert (done.returncode, without_waiting(done.stderr)) == (0, "")
-    assert done.stdout.count(b"\n") == 1
-    assert json.loads(done.stdout)["detectors"]["right"]["power"] == pytest.approx(0.6)
+def test_process_prints_only_one_json_object(design: str) -> None:
+    process_run = process("trace", design, "--angle-deg", "-3", "--json")
+    assert (process_run.returncode, without_waiting(process_run.stderr)) == (0, "")
+    assert process_run.stdout.count(b"\n") == 1
+    assert json.loads(process_run.stdout)["detectors"]["right"]["power"] == pytest.approx(0.6)
 
 
-def test_a_reader_that_has_enough_is_no_error(design: str) -> None:
+def test_closed_pipe_is_not_error(design: str) -> None:
     command = [sys.executable, "-m", "solen", "trace", design, "--rays", "3000", "--paths", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
         assert running.stdout is not None
         assert running.stderr is not None
         assert running.stdout.read(10) == b'{"mode": "'
         running.stdout.close()
-        complaint = running.stderr.read()
-    assert without_waiting(complaint) == ""
+        errors = running.stderr.read()
+    assert without_waiting(errors) == ""
     assert running.returncode == 0
 
 
 @pytest.mark.parametrize("columns", [20, 40])
-def test_help_fits_a_narrow_terminal(columns: int) -> None:
-    done = process("trace", "--help", COLUMNS=str(columns), PYTHONUTF8="1")
-    assert (done.returncode, without_waiting(done.stderr)) == (0, "")
-    assert max(len(line) for line in done.stdout.decode("utf-8").splitlines()) <= columns
+def test_help_fits_narrow_terminal(columns: int) -> None:
+    process_run = process("trace", "--help", COLUMNS=str(columns), PYTHONUTF8="1")
+    assert (process_run.returncode, without_waiting(process_run.stderr)) == (0, "")
+    assert max(len(line) for line in process_run.stdout.decode("utf-8").splitlines()) <= columns
 
 
-def test_json_of_any_name_goes_through_any_terminal(design: str) -> None:
-    done = process("trace", design, "--set", "name=Ω – 1", "--json", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
-    assert (done.returncode, without_waiting(done.stderr)) == (0, "")
-    assert json.loads(done.stdout)["name"] == "Ω – 1"
+def test_json_with_any_name_is_printed_on_ascii_terminal(design: str) -> None:
+    process_run = process("trace", design, "--set", "name=Ω – 1", "--json", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert (process_run.returncode, without_waiting(process_run.stderr)) == (0, "")
+    assert json.loads(process_run.stdout)["name"] == "Ω – 1"
 
 
-def test_lines_of_any_name_go_through_any_terminal(design: str) -> None:
-    done = process("trace", design, "--set", "name=Ω – 1", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
-    assert (done.returncode, without_waiting(done.stderr)) == (0, "")
+def test_lines_with_any_name_are_printed_on_ascii_terminal(design: str) -> None:
+    process_run = process("trace", design, "--set", "name=Ω – 1", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert (process_run.returncode, without_waiting(process_run.stderr)) == (0, "")

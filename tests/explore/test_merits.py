@@ -10,7 +10,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.explore.merits import MERITS, merits_of, unresolved_change
-from solen.plane import off_a_line
+from solen.plane import deviation_from_line
 from solen.sensor import Response
 
 ANGLES = np.linspace(-3.0, 3.0, 25)
@@ -68,7 +68,7 @@ def test_the_uncertainty_covers_a_kink_wherever_it_is(from_null_deg: float, on_a
         merits = merits_of(response(curve(ANGLES)))
         near = curve(np.array([null - 1e-6, null, null + 1e-6]))
         dense = np.linspace(-3.0, 3.0, 385)
-        true = 100.0 * off_a_line(dense, curve(dense)) / merits.span
+        true = 100.0 * deviation_from_line(dense, curve(dense)) / merits.span
         off.append(
             (
                 np.abs(np.diff(near) / 1e-6 - merits.slope_per_deg).max() / merits.u_slope_per_deg,

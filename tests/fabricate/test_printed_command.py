@@ -390,7 +390,7 @@ def test_files_that_hold_no_features_are_refused(tmp_path: Path, text: str) -> N
 def test_bad_outputs_of_a_calibration_are_refused(tmp_path: Path) -> None:
     kept = tmp_path / "mine.toml"
     kept.write_text(KNOWN, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"mine\.toml; exists already.*--force"):
+    with pytest.raises(OutputError, match=r"mine\.toml; already exists.*--force"):
         calibrate_printer([features_file(tmp_path / "a.json")], out=kept)
     assert kept.read_text(encoding="utf-8") == KNOWN
     with pytest.raises(OutputError, match=r"a process must end in \.toml"):

@@ -1,4 +1,4 @@
-"""Sizes that stand beside the paper's are read off the body, and follow it."""
+"""Sizes compared with the paper are measured on the body."""
 
 import math
 
@@ -9,15 +9,15 @@ from solen.paper.design_numbers import (
     coupon_sizes,
     lens_sizes,
     peak_nm,
-    pivot_off_mm,
+    pivot_deviation_mm,
     source_of,
     u_major_base_mm,
 )
 from solen.paper.sensor_numbers import POINT, shipped
-from solen.paper.statements import compared, stated
+from solen.paper.statements import compared, paper_value
 
 
-def test_sizes_of_a_body_follow_its_design() -> None:
+def test_sizes_of_body_follow_design() -> None:
     changed = {
         "body.stem_length_mm": 15.0,
         "body.stem_curve_per_mm": 0.005,
@@ -46,33 +46,33 @@ def test_sizes_of_a_body_follow_its_design() -> None:
     assert body_sizes(sensor) | lens_sizes(sensor) | source_of(sensor) == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_width_at_the_fork_is_as_uncertain_as_the_digits_it_follows_from() -> None:
-    """The paper's 0.004 is anything from 0.0035 to 0.0045, by which alone the fork is 5.8 to 6.4 mm wide."""
+def test_uncertainty_of_width_at_fork_follows_from_reported_digits() -> None:
+    """The reported 0.004 stands for 0.0035 to 0.0045, which alone gives a width of 5.8 to 6.4 mm at the fork."""
     sizes = body_sizes(shipped(POINT))
     low, high = (4.0 + 2.0 * curve * 16.2**2 for curve in (0.0035, 0.0045))
-    parts = ((high - low) / math.sqrt(12.0), 1.0 / math.sqrt(12.0), 4.0 * 0.004 * 16.2 * 0.1 / math.sqrt(12.0))
-    assert u_major_base_mm(sizes) == pytest.approx(math.hypot(*parts))
+    contributions = ((high - low) / math.sqrt(12.0), 1.0 / math.sqrt(12.0), 4.0 * 0.004 * 16.2 * 0.1 / math.sqrt(12.0))
+    assert u_major_base_mm(sizes) == pytest.approx(math.hypot(*contributions))
     row = compared("major-base", sizes["major-base"], u_major_base_mm(sizes))
-    assert low < stated("major-base") < high
+    assert low < paper_value("major-base") < high
     assert row.verdict == "agrees"
 
 
-def test_the_centre_of_a_turn_is_found_from_the_lens() -> None:
+def test_centre_of_rotation_follows_from_lens() -> None:
     sensor = shipped(POINT)
-    assert pivot_off_mm(sensor, -3.0) == pytest.approx(0.0, abs=1e-9)
+    assert pivot_deviation_mm(sensor, -3.0) == pytest.approx(0.0, abs=1e-9)
     base, emitter = sensor.body().marks["stem-base"], sensor.body().emitter.point
-    assert pivot_off_mm(sensor.set({"motion.pivot": "emitter"}), -3.0) == pytest.approx(base[1] - emitter[1])
+    assert pivot_deviation_mm(sensor.set({"motion.pivot": "emitter"}), -3.0) == pytest.approx(base[1] - emitter[1])
 
 
-def test_steps_that_do_not_fit_the_papers_own_ranges_differ() -> None:
+def test_only_inconsistent_steps_of_paper_differ() -> None:
     sizes = coupon_sizes()
-    differ = {key for key, size in sizes.items() if size != pytest.approx(stated(key))}
+    differ = {key for key, size in sizes.items() if size != pytest.approx(paper_value(key))}
     assert differ == {"group-c-step-2", "group-c-step-3", "holes-step"}
 
 
-def test_peaks_of_parts_are_those_of_their_datasheets() -> None:
+def test_peaks_of_parts_agree_with_datasheets() -> None:
     assert peak_nm("VSMY1850") == (850.0, 0.0)
     nm, u = peak_nm("TEMT7100X01")
-    assert abs(nm - stated("receiver-peak")) < u
+    assert abs(nm - paper_value("receiver-peak")) < u
     with pytest.raises(ValueError, match="USB-6218"):
         peak_nm("USB-6218")

@@ -120,7 +120,7 @@ def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
 def test_new_never_overwrites(tmp_path: Path) -> None:
     target = tmp_path / "sensor.toml"
     target.write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="already exists"):
         new(tmp_path)
     assert target.read_text(encoding="utf-8") == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["sensor.toml"]

@@ -112,7 +112,7 @@ def test_a_recording_is_decoded_to_its_own_angle(
     assert named.startswith("note")
     command = ("bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
     out.write_text("measured once", encoding="utf-8")
-    assert "angles.csv; exists already; name another file, or add --force" in refused(capfd, *command)
+    assert "angles.csv; already exists; specify another file, or add --force" in refused(capfd, *command)
     assert out.read_text(encoding="utf-8") == "measured once"
     answered(capfd, *command, "--force")
     other = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--sensor", "again")

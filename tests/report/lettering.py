@@ -1,4 +1,4 @@
-"""What a figure really shows, by the Agg renderer alone: where each text is drawn, and what lies under its legends."""
+"""Checks of drawn figures with the Agg renderer: positions of texts, and what is under the legends."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 MIN_PT = 6.0
-TOUCH = 1.0  # pixels that boxes of texts may share: they hold some air
+MAX_OVERLAP = 1.0  # overlap in pixels that is tolerated, because text boxes include a margin
 DPI = 100.0
-PAINTS = {name for name in dir(RendererAgg) if name.startswith("draw_")} - {"draw_text"}
+PAINTING_METHODS = {name for name in dir(RendererAgg) if name.startswith("draw_")} - {"draw_text"}
 
 
 @dataclass(frozen=True)
-class Written:
-    """A text as it was drawn: its box in pixels from the lower left, and its size."""
+class DrawnText:
+    """A drawn text: its box in pixels from the lower left corner, and its font size."""
 
     text: str
     box: Bbox
@@ -25,12 +25,12 @@ class Written:
 
 
 class Recorder(RendererAgg):
-    """Lays texts out as Agg does and notes them; nothing is painted."""
+    """Renderer that records the layout of texts; nothing is painted."""
 
     def __init__(self, width: float, height: float, dpi: float) -> None:
         super().__init__(width, height, dpi)  # type: ignore[no-untyped-call]
-        self.written: list[Written] = []
-        for name in PAINTS:
+        self.texts: list[DrawnText] = []
+        for name in PAINTING_METHODS:
             setattr(self, name, lambda *_, **__: None)
 
     def draw_text(
@@ -45,30 +45,31 @@ class Recorder(RendererAgg):
         points = turned + np.array([x, self.height - y])
         if s.strip():
             box = Bbox([points.min(axis=0), points.max(axis=0)])
-            self.written.append(Written(s, box, prop.get_size_in_points()))
+            self.texts.append(DrawnText(s, box, prop.get_size_in_points()))
 
 
 def faults(figure: Figure) -> list[str]:
-    """What is wrong with a figure at the size it has: texts cut off, too small or on each other, legends on data."""
+    """Faults of a figure at its size: text that is cut off, too small or overlapping, and legends on data."""
     figure.set_dpi(DPI)
     width, height = figure.bbox.width, figure.bbox.height
     recorder = Recorder(width, height, DPI)
     figure.draw(recorder)
-    found = [
-        f"leaves the canvas: {one.text!r}"
-        for one in recorder.written
-        if one.box.x0 < -TOUCH or one.box.y0 < -TOUCH or one.box.x1 > width + TOUCH or one.box.y1 > height + TOUCH
+    low_x, low_y, high_x, high_y = -MAX_OVERLAP, -MAX_OVERLAP, width + MAX_OVERLAP, height + MAX_OVERLAP
+    messages = [
+        f"leaves the canvas: {text.text!r}"
+        for text in recorder.texts
+        if text.box.x0 < low_x or text.box.y0 < low_y or text.box.x1 > high_x or text.box.y1 > high_y
     ]
-    found += [f"{one.size_pt:.1f} pt: {one.text!r}" for one in recorder.written if one.size_pt < MIN_PT - 1e-6]
-    for one, other in combinations(recorder.written, 2):
-        shared = Bbox.intersection(one.box, other.box)
-        if shared is not None and shared.width > TOUCH and shared.height > 2.0 * TOUCH:
-            found.append(f"on each other: {one.text!r} and {other.text!r}")
-    return found + _covered(figure)
+    messages += [f"{text.size_pt:.1f} pt: {text.text!r}" for text in recorder.texts if text.size_pt < MIN_PT - 1e-6]
+    for first, second in combinations(recorder.texts, 2):
+        shared = Bbox.intersection(first.box, second.box)
+        if shared is not None and shared.width > MAX_OVERLAP and shared.height > 2.0 * MAX_OVERLAP:
+            messages.append(f"overlap: {first.text!r} and {second.text!r}")
+    return messages + _covered(figure)
 
 
 def _covered(figure: Figure) -> list[str]:
-    """Legends on something: without legends, grids and lines across the whole panel the paper must be bare there."""
+    """Legends that cover data: with legends, grids and reference lines hidden, the area of a legend must be blank."""
     legends = [(axes, legend) for axes in figure.axes if (legend := axes.get_legend()) is not None]
     if not legends:
         return []
@@ -86,9 +87,9 @@ def _covered(figure: Figure) -> list[str]:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())[..., :3].min(axis=2)[::-1]  # type: ignore[no-untyped-call]
-    found = []
+    messages = []
     for (_, legend), box in zip(legends, boxes, strict=True):
         x0, y0, x1, y1 = (max(0, round(end)) for end in box.extents)
         if (pixels[y0:y1, x0:x1] < 250).sum() > 2:
-            found.append(f"legend on data: {[text.get_text() for text in legend.get_texts()]}")
-    return found
+            messages.append(f"legend on data: {[text.get_text() for text in legend.get_texts()]}")
+    return messages

@@ -1,4 +1,4 @@
-"""The convergence figure draws each way to choose rays, its stated uncertainty dashed, on two logarithmic axes."""
+"""The convergence figure: error and stated uncertainty of each sampling method, on logarithmic axes."""
 
 import dataclasses
 from importlib import import_module
@@ -17,14 +17,14 @@ from tests.report.test_figure_files import words
 MAX_RAYS = 256
 
 
-def found(mode: Mode = "power", **values: object) -> Convergence:
+def result(mode: Mode = "power", **values: object) -> Convergence:
     design = with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
     return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MAX_RAYS)
 
 
 @pytest.fixture(scope="module")
 def power() -> Convergence:
-    return found()
+    return result()
 
 
 def labels(figure: Figure) -> list[str]:
@@ -33,7 +33,7 @@ def labels(figure: Figure) -> list[str]:
     return [text.get_text() for text in legend.get_texts()]
 
 
-def test_every_series_is_drawn_with_its_uncertainty_dashed(power: Convergence) -> None:
+def test_draws_every_series_with_dashed_uncertainty(power: Convergence) -> None:
     figure = convergence_figure(power)
     (axes,) = figure.axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
@@ -51,14 +51,14 @@ def test_every_series_is_drawn_with_its_uncertainty_dashed(power: Convergence) -
     assert labels(figure) == list(lines)
 
 
-def test_the_axes_say_what_they_show_and_the_title_what_errors_are_measured_from(power: Convergence) -> None:
-    told = words(svg(convergence_figure(power), "convergence"))
-    assert "rays traced" in told
-    assert "error and stated u (fraction of the emitted power)" in told
-    assert f"simulated, mode power; errors against adaptive with {power.reference.rays:,} rays" in told
+def test_labels_axes_and_states_reference_in_title(power: Convergence) -> None:
+    texts = words(svg(convergence_figure(power), "convergence"))
+    assert "rays traced" in texts
+    assert "error and stated u (fraction of the emitted power)" in texts
+    assert f"simulated, mode power; errors against adaptive with {power.reference.rays:,} rays" in texts
 
 
-def test_an_uncertainty_of_0_is_left_out_and_counted(power: Convergence) -> None:
+def test_omits_and_counts_uncertainties_of_0(power: Convergence) -> None:
     fan, *others = power.series
     certain = dataclasses.replace(fan, u_power=np.where(fan.rays > 64, fan.u_power, 0.0))
     figure = convergence_figure(dataclasses.replace(power, series=(certain, *others)))
@@ -68,17 +68,17 @@ def test_an_uncertainty_of_0_is_left_out_and_counted(power: Convergence) -> None
     assert np.isnan(np.asarray(line.get_ydata(), dtype=float)[:3]).all()
 
 
-def test_trapped_light_is_held_to_its_integral_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reference_for_trapped_light_is_adaptive_integral(monkeypatch: pytest.MonkeyPatch) -> None:
     module = import_module("solen.trace.convergence")
     monkeypatch.setattr(module, "TOLERANCES", (1e-2, 1e-3))
     monkeypatch.setattr(module, "TIGHT", 1e-4)
-    gap = found(receivers__coupling="air-gap", receivers__gap_mm=0.5)
+    gap = result(receivers__coupling="air-gap", receivers__gap_mm=0.5)
     assert gap.reference.method == "adaptive"
     figure = convergence_figure(gap)
     assert f"errors against adaptive with {gap.reference.rays:,} rays" in "".join(words(svg(figure, "convergence")))
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
-def test_each_kind_of_file_is_the_same_again(power: Convergence, suffix: str) -> None:
-    one, other = (encoded(convergence_figure(power), suffix, "convergence") for _ in range(2))
-    assert one == other
+def test_files_are_reproducible(power: Convergence, suffix: str) -> None:
+    first, second = (encoded(convergence_figure(power), suffix, "convergence") for _ in range(2))
+    assert first == second

@@ -1,4 +1,4 @@
-"""The picture of a lens that is no cylinder shows the face itself, at several heights."""
+"""The figure of a lens that is not a cylinder shows its face, and profiles at several heights."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from solen.lens import LayeredLens
 from solen.report.design.lens import profile_figure
 
 
-def test_the_figure_shows_the_face_and_its_profiles() -> None:
+def test_draws_face_and_profiles() -> None:
     lens = LayeredLens(1.0, 20.0, 2.0, 1.44, thickness_mm=4.0)
     solid, profiles = profile_figure(lens).axes
     assert (solid.name, solid.get_zlabel()) == ("3d", "z (mm)")  # type: ignore[attr-defined]  # of three dimensions

@@ -1,4 +1,4 @@
-"""The picture of a solid: it covers what a projection says, and what is nearer hides what is behind."""
+"""The image of a solid: it covers its projection, and nearer faces hide those behind."""
 
 import math
 
@@ -26,43 +26,43 @@ def mesh(*prisms: Prism) -> Mesh:
     return mesh_of(Part("boxes", prisms), 1e-3)
 
 
-def covered(picture: NDArray[np.float64], extent: tuple[float, float, float, float]) -> float:
-    """Area of the picture that is not clear."""
-    pixel = (extent[1] - extent[0]) / picture.shape[1]
-    return float(np.count_nonzero(picture[..., 3]) * pixel * pixel)
+def covered(image: NDArray[np.float64], extent: tuple[float, float, float, float]) -> float:
+    """Area of the image that is not transparent."""
+    pixel = (extent[1] - extent[0]) / image.shape[1]
+    return float(np.count_nonzero(image[..., 3]) * pixel * pixel)
 
 
 def seen_from(rise_deg: float) -> NDArray[np.float64]:
-    """Directions to the right, upwards, towards one who looks along Y from above the front."""
+    """Directions to the right, upwards and towards an observer who looks along Y from above."""
     rise = math.radians(rise_deg)
     towards = np.array([0.0, -math.cos(rise), math.sin(rise)])
     return np.column_stack([[1.0, 0.0, 0.0], np.cross(towards, [1.0, 0.0, 0.0]), towards])
 
 
 @pytest.mark.parametrize("rise_deg", [10.0, 45.0, 80.0])
-def test_a_box_covers_its_projection(rise_deg: float) -> None:
-    """Width times (length sin + height cos); the border of one pixel is what may be missing or too much."""
-    one = mesh(box(0.0, 3.0, 5.0, 0.0, 2.0))
-    picture, extent = rendered(one.vertices @ seen_from(rise_deg), one.triangles)
+def test_box_covers_its_projection(rise_deg: float) -> None:
+    """The area is width · (length sin + height cos), to within a border of one pixel."""
+    solid = mesh(box(0.0, 3.0, 5.0, 0.0, 2.0))
+    image, extent = rendered(solid.vertices @ seen_from(rise_deg), solid.triangles)
     rise = math.radians(rise_deg)
     high = 5.0 * math.sin(rise) + 2.0 * math.cos(rise)
-    pixel = (extent[1] - extent[0]) / picture.shape[1]
-    assert covered(picture, extent) == pytest.approx(3.0 * high, abs=2 * pixel * (3.0 + high))
+    pixel = (extent[1] - extent[0]) / image.shape[1]
+    assert covered(image, extent) == pytest.approx(3.0 * high, abs=2 * pixel * (3.0 + high))
 
 
-def test_what_is_nearer_hides_what_is_behind() -> None:
-    """From above, a high box beside a low one: every point has the brightness of a top, in whatever order they come."""
-    both = mesh(box(0.0, 2.0, 2.0, 0.0, 5.0), box(3.0, 2.0, 2.0, 0.0, 1.0))
-    picture, extent = rendered(both.vertices @ np.eye(3), both.triangles)
-    backwards, _ = rendered(both.vertices @ np.eye(3), both.triangles[::-1])
-    assert np.array_equal(picture, backwards)
-    assert covered(picture, extent) == pytest.approx(8.0, abs=0.1)
+def test_nearer_faces_hide_those_behind() -> None:
+    """From above, the image of a high box next to a low one does not depend on the order of the triangles."""
+    boxes = mesh(box(0.0, 2.0, 2.0, 0.0, 5.0), box(3.0, 2.0, 2.0, 0.0, 1.0))
+    image, extent = rendered(boxes.vertices @ np.eye(3), boxes.triangles)
+    reversed_order, _ = rendered(boxes.vertices @ np.eye(3), boxes.triangles[::-1])
+    assert np.array_equal(image, reversed_order)
+    assert covered(image, extent) == pytest.approx(8.0, abs=0.1)
 
 
-def test_the_figure_is_drawn_with_seats_and_without() -> None:
-    for chosen in (design(), seated()):
-        part = part_of(chosen)
-        figure = export_figure(Export(chosen, Sensor.of(chosen).body(), 1e-2))
+def test_draws_figure_with_and_without_seats() -> None:
+    for variant in (design(), seated()):
+        part = part_of(variant)
+        figure = export_figure(Export(variant, Sensor.of(variant).body(), 1e-2))
         texts = [text.get_text() for text in figure.findobj(Text)]
         assert any("Paper 860 nm" in text for text in texts)
         assert any("slots" in text for text in texts) == bool(part.cuts)

@@ -1,4 +1,4 @@
-"""Writers of ray files, by the documents of both formats and independent of the reader."""
+"""Writers of ray files, based on the specifications of both formats and independent of the reader."""
 
 import struct
 from pathlib import Path
@@ -37,7 +37,7 @@ def tm25(
     table: tuple[tuple[float, float], ...] = (),
     text: bytes = b"",
 ) -> Path:
-    """TM-25 file of rays whose columns are those that the flags name."""
+    """TM-25 file of rays with the columns that the flags specify."""
     head = b"TM25" + struct.pack("<iiff", 2013, 0, float("nan"), 1.0) + struct.pack("<Q", len(rays))
     head += b"2020-01-01T00:00:00+00:00".ljust(28, b"\0")
     head += struct.pack("<iifff", 0, spectral, wavelength_nm, 400.0, 900.0)
@@ -51,10 +51,10 @@ def tm25(
     return path
 
 
-def lambertian(many: int, size_mm: float = 0.2, seed: int = 5) -> FloatArray:
+def lambertian(count: int, size_mm: float = 0.2, seed: int = 5) -> FloatArray:
     """Rays (N, 7) of a Lambertian square about +z: x, y, z in mm, direction, flux."""
-    u = np.random.default_rng(seed).random((many, 4))
+    u = np.random.default_rng(seed).random((count, 4))
     sine, phi = np.sqrt(u[:, 0]), 2.0 * np.pi * u[:, 1]
-    place = size_mm * (u[:, 2:] - 0.5)
+    position = size_mm * (u[:, 2:] - 0.5)
     direction = np.column_stack([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1.0 - u[:, 0])])
-    return np.column_stack([place, np.zeros(many), direction, np.full(many, 1.0 / many)])
+    return np.column_stack([position, np.zeros(count), direction, np.full(count, 1.0 / count)])

@@ -1,4 +1,4 @@
-"""Values compare and hash by what they hold; results, which hold arrays, by identity."""
+"""Scenes, curves and bodies compare and hash by value; traces, which contain arrays, by identity."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ def scene() -> Scene:
     return Scene((Region("air", 1.0),), (FACE,), (fan,), (Monitor("m", (1.0, 0.5), (-1.0, 0.5)),))
 
 
-def test_scenes_and_curves_are_values() -> None:
+def test_scenes_and_curves_compare_by_value() -> None:
     assert scene() == scene()
     assert len({scene(), scene(), replace(scene(), name="other")}) == 2
     curve = Spline.through([(0.0, 0.0), (1.0, 1.0), (2.0, 0.0)])
     assert len({curve, Spline(curve.control_points)}) == 1
 
 
-def test_a_body_is_a_value() -> None:
+def test_bodies_compare_by_value() -> None:
     def body() -> Body:
         return Body((Face("a", FACE.curve),), Pose((0.0, 0.0), 0.0), {"pivot": (0.0, 1.0)})
 
@@ -30,10 +30,10 @@ def test_a_body_is_a_value() -> None:
     assert len({body(), body()}) == 1
 
 
-def test_a_trace_is_itself_alone() -> None:
-    one, other = trace(scene()), trace(scene())
-    assert one == one
-    assert one != other
-    assert len({one, other}) == 2
-    assert isinstance(one, Trace)
-    assert len(repr(one).splitlines()) < 30
+def test_traces_compare_by_identity() -> None:
+    first, second = trace(scene()), trace(scene())
+    assert first == first
+    assert first != second
+    assert len({first, second}) == 2
+    assert isinstance(first, Trace)
+    assert len(repr(first).splitlines()) < 30

@@ -1,4 +1,4 @@
-"""Sources: where their rays stand, what they carry, and that any of them launched alone are those of the whole."""
+"""Sources: positions and powers of their rays, which are the same whether launched together or individually."""
 
 import dataclasses
 import math
@@ -49,7 +49,7 @@ def angles_deg(launch: Launch) -> FloatArray:
     return np.degrees(np.arctan2(-launch.dx, launch.dz))
 
 
-def test_every_source_is_here() -> None:
+def test_sources_cover_every_class() -> None:
     assert set(EVERY) == set(SOURCES.values())
 
 
@@ -65,45 +65,45 @@ def test_powers_add_up_and_directions_are_unit(source: Source) -> None:
 
 @every_coloured
 @given(cuts=st.lists(st.integers(0, 57), max_size=5))
-def test_chunks_are_the_whole(source: Source, cuts: list[int]) -> None:
+def test_chunks_together_equal_complete_launch(source: Source, cuts: list[int]) -> None:
     ends = sorted({0, source.rays, *(min(cut, source.rays) for cut in cuts)})
     chunks = [source.launch(np.arange(start, stop, dtype=float)) for start, stop in pairwise(ends)]
-    for i, whole in enumerate(columns(source.launch())):
-        assert np.array_equal(np.concatenate([columns(chunk)[i] for chunk in chunks]), whole)
+    for i, complete in enumerate(columns(source.launch())):
+        assert np.array_equal(np.concatenate([columns(chunk)[i] for chunk in chunks]), complete)
 
 
 @every_coloured
 @given(numbers=st.lists(st.integers(0, 56), max_size=20))
-def test_rays_by_number_are_those_of_the_whole(source: Source, numbers: list[int]) -> None:
-    chosen = np.array([number % source.rays for number in numbers], dtype=int)
-    alone = source.launch(chosen.astype(float))
-    for column, whole in zip(columns(alone), columns(source.launch()), strict=True):
-        assert np.array_equal(column, whole[chosen])
+def test_rays_by_number_equal_those_of_complete_launch(source: Source, numbers: list[int]) -> None:
+    indices = np.array([number % source.rays for number in numbers], dtype=int)
+    alone = source.launch(indices.astype(float))
+    for column, complete in zip(columns(alone), columns(source.launch()), strict=True):
+        assert np.array_equal(column, complete[indices])
 
 
 @every_coloured
 @pytest.mark.parametrize("in_space", [False, True])
-def test_rays_by_number_are_rays_at_even_points(source: Source, in_space: bool) -> None:
-    """Up to two coordinates the first is the midpoint rule, so colours leave a fan where it was."""
+def test_rays_by_number_equal_rays_at_even_points(source: Source, in_space: bool) -> None:
+    """With up to two coordinates the first follows the midpoint rule, so a spectrum does not change a fan."""
     u = source.even_points(np.arange(source.rays, dtype=float), in_space)
     assert u.shape == (source.rays, source.dimensions(in_space))
     assert np.all((u >= 0.0) & (u < 1.0))
     assert source.copies(in_space) == (1 if source.dimensions(in_space) < 3 else COPIES)
     if source.copies(in_space) == 1:
         assert u[:, 0] == pytest.approx((np.arange(source.rays) + 0.5) / source.rays, abs=1e-15)
-    launched, whole = source.launch_at(u, source.rays, in_space), source.launch(in_space=in_space)
-    for column, same in zip(columns(launched), columns(whole), strict=True):
+    launched, complete = source.launch_at(u, source.rays, in_space), source.launch(in_space=in_space)
+    for column, same in zip(columns(launched), columns(complete), strict=True):
         assert np.array_equal(column, same)
 
 
 @every_coloured
-def test_a_ray_has_the_share_of_one_of_so_many(source: Source) -> None:
+def test_ray_carries_power_divided_by_number_of_rays(source: Source) -> None:
     launch = source.launch_at(np.full((3, source.dimensions()), 0.25), 500)
     assert launch.power_s + launch.power_p == pytest.approx([source.power / 500] * 3, rel=1e-15)
     assert launch.power_s == pytest.approx([source.s_share * source.power / 500] * 3, rel=1e-15)
 
 
-def test_a_fan_stands_in_the_middle_of_equal_shares_from_right_to_left() -> None:
+def test_fan_follows_midpoint_rule_from_right_to_left() -> None:
     launch = Fan((1.0, 2.0), 0.0, 120.0, 4).launch()
     angles = np.degrees(np.arctan2(-launch.dx, launch.dz))
     assert angles == pytest.approx([-45.0, -15.0, 15.0, 45.0], abs=1e-12)
@@ -113,7 +113,7 @@ def test_a_fan_stands_in_the_middle_of_equal_shares_from_right_to_left() -> None
 
 
 @given(rays=st.integers(1, 200), cone=st.floats(0.1, 360))
-def test_a_fan_is_symmetric_about_its_axis(rays: int, cone: float) -> None:
+def test_fan_is_symmetric_about_axis(rays: int, cone: float) -> None:
     launch = Fan((0.0, 0.0), 0.0, cone, rays).launch()
     assert launch.dx == pytest.approx(-launch.dx[::-1], abs=1e-14)
     assert launch.dz == pytest.approx(launch.dz[::-1], abs=1e-14)
@@ -121,32 +121,32 @@ def test_a_fan_is_symmetric_about_its_axis(rays: int, cone: float) -> None:
     assert widest < cone / 2 + 1e-6
 
 
-def test_a_fan_leans_with_its_axis() -> None:
+def test_fan_follows_axis() -> None:
     launch = Fan((0.0, 0.0), -3.0, 10.0, 1).launch()
     assert (launch.dx[0], launch.dz[0]) == pytest.approx((math.sin(math.radians(3)), math.cos(math.radians(3))))
 
 
-def test_a_beam_is_parallel_and_evenly_spaced() -> None:
+def test_beam_is_parallel_and_evenly_spaced() -> None:
     launch = Beam((-1.0, 0.0), (1.0, 0.0), 0.0, 4).launch()
     assert launch.x_mm == pytest.approx([-0.75, -0.25, 0.25, 0.75])
     assert set(launch.dz) == {1.0}
 
 
-def test_single_rays_keep_their_order_and_are_made_unit() -> None:
+def test_single_rays_keep_order_and_are_normalised() -> None:
     launch = EVERY[Rays].launch(np.array([1.0]))
     assert len(launch) == 1
     assert (launch.x_mm[0], launch.z_mm[0], launch.dx[0], launch.dz[0]) == pytest.approx((1.0, 2.0, 0.6, 0.8))
 
 
-def test_single_rays_are_drawn_evenly() -> None:
-    """Points of the cube, in place of numbers, choose among them in equal shares."""
+def test_single_rays_are_selected_uniformly() -> None:
+    """Uniform points of the cube select each ray equally often."""
     source = EVERY[Rays]
     launch = source.launch_at(np.linspace(0.0, 1.0, 3000, endpoint=False)[:, None], 3000)
     assert [int(np.sum(launch.x_mm == x)) for x in (0.0, 1.0, 3.0)] == [1000] * 3
 
 
-def test_a_chip_is_a_line_across_its_axis_from_right_to_left() -> None:
-    """Corners of the square of angle and place: seen along the axis, both run from right to left."""
+def test_chip_is_line_across_axis_from_right_to_left() -> None:
+    """The corners of the unit square of angle and position; both run from right to left as seen along the axis."""
     corners = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.5, 0.5]])
     launch = Chip((1.0, 2.0), 0.6, 0.0, 80.0, 1).launch_at(corners, 5)
     assert launch.x_mm == pytest.approx([1.3, 0.7, 1.3, 0.7, 1.0], abs=1e-15)
@@ -155,7 +155,7 @@ def test_a_chip_is_a_line_across_its_axis_from_right_to_left() -> None:
 
 
 @given(axis=st.floats(-360, 360), width=st.floats(0, 10), cone=st.floats(0, 360))
-def test_a_chip_turns_with_its_axis(axis: float, width: float, cone: float) -> None:
+def test_chip_turns_with_axis(axis: float, width: float, cone: float) -> None:
     launch = Chip((0.3, -0.7), width, axis, cone, 37).launch()
     (ux, uz), (nx, nz) = heading(axis), heading(axis + 90.0)
     x, z = launch.x_mm - 0.3, launch.z_mm + 0.7
@@ -165,7 +165,7 @@ def test_a_chip_turns_with_its_axis(axis: float, width: float, cone: float) -> N
     assert np.all(np.abs(off) <= cone / 2 + 1e-9)
 
 
-def test_a_chip_without_width_is_a_fan() -> None:
+def test_chip_without_width_is_fan() -> None:
     fan = Fan((0.3, -0.7), 11.0, 77.0, 41, power=2.0, s_share=0.1)
     chip = Chip(fan.point, 0.0, fan.axis_deg, fan.cone_deg, fan.rays, power=fan.power, s_share=fan.s_share)
     for column, same in zip(columns(chip.launch()), columns(fan.launch()), strict=True):
@@ -173,10 +173,10 @@ def test_a_chip_without_width_is_a_fan() -> None:
 
 
 @pytest.mark.parametrize("rays", [1000, 4096, 30_000])
-def test_a_chip_is_even_over_angle_and_place_together(rays: int) -> None:
-    """A corner of the square of angle and place has its share of the rays but for a few of them.
+def test_chip_rays_are_uniform_in_angle_and_position(rays: int) -> None:
+    """The number of rays in a corner of the square of angle and position is proportional to its area.
 
-    A lattice of the golden ratio leaves about ln(N)/4 of them over; of independent rays it would be about √N.
+    The error of a golden-ratio lattice is about ln(N)/4 rays; that of independent rays would be about √N.
     """
     launch = Chip((0.0, 0.0), 2.0, 0.0, 90.0, rays).launch()
     shares = np.column_stack([(angles_deg(launch) + 45.0) / 90.0, (1.0 - launch.x_mm) / 2.0])
@@ -187,16 +187,16 @@ def test_a_chip_is_even_over_angle_and_place_together(rays: int) -> None:
             assert np.mean((shares[:, 0] < a) & (shares[:, 1] < b)) == pytest.approx(a * b, abs=4.0 / rays)
 
 
-def test_a_chip_averages_as_its_integral_does() -> None:
+def test_mean_over_chip_equals_integral() -> None:
     """cos θ e^x over width 1.2 and ±50°: the product of 2 sin(50°)/100° and of 2 sinh(0.6)/1.2."""
     launch = Chip((0.0, 0.0), 1.2, 0.0, 100.0, 2**14).launch()
     exact = 2.0 * math.sin(math.radians(50.0)) / math.radians(100.0) * 2.0 * math.sinh(0.6) / 1.2
-    assert np.mean(launch.dz * np.exp(launch.x_mm)) == pytest.approx(exact, abs=2.0 / 2**14)  # two rays of 2^14
+    assert np.mean(launch.dz * np.exp(launch.x_mm)) == pytest.approx(exact, abs=2.0 / 2**14)  # two of 2^14 rays
 
 
 @every_source
-def test_lines_are_drawn_by_their_weights(source: Source) -> None:
-    """Of N points that are even in their last coordinate each line has its share, to one ray at each of its ends."""
+def test_spectral_lines_are_drawn_by_weight(source: Source) -> None:
+    """With N points uniform in the last coordinate, each line has its fraction of the rays."""
     coloured = source.with_spectrum(SPECTRUM)
     assert coloured.dimensions() == source.dimensions() + 1
     u = np.full((4000, coloured.dimensions()), 0.5)
@@ -208,7 +208,7 @@ def test_lines_are_drawn_by_their_weights(source: Source) -> None:
 
 
 @every_source
-def test_one_line_or_none_takes_no_number(source: Source) -> None:
+def test_single_line_needs_no_coordinate(source: Source) -> None:
     for spectrum in ((), ((860.0, 7.0),)):
         other = source.with_spectrum(spectrum)
         assert other.dimensions() == source.dimensions()
@@ -218,7 +218,7 @@ def test_one_line_or_none_takes_no_number(source: Source) -> None:
 
 
 @pytest.mark.parametrize(
-    ("many", "share"),
+    ("make", "position"),
     [
         (
             lambda rays: Fan((0.0, 0.0), 0.0, 90.0, rays, spectrum=SPECTRUM),
@@ -229,26 +229,26 @@ def test_one_line_or_none_takes_no_number(source: Source) -> None:
     ],
     ids=["fan", "beam", "chip"],
 )
-def test_every_line_has_its_share_everywhere(
-    many: Callable[[int], Source], share: Callable[[Launch], FloatArray]
+def test_spectral_line_is_independent_of_position(
+    make: Callable[[int], Source], position: Callable[[Launch], FloatArray]
 ) -> None:
-    """Colour and place are independent: of any part of the source each line has its weight, but for a few rays."""
+    """In any part of the source, the fraction of rays of each line is its weight, to within a few rays."""
     rays = 8192
-    launch = many(rays).launch()
-    for which, (_, weight) in enumerate(SPECTRUM):
-        for part in np.linspace(0.05, 1.0, 20):
-            found = np.mean((launch.line == which) & (share(launch) < part))
-            assert found == pytest.approx(weight / 4.0 * part, abs=6.0 / rays)
+    launch = make(rays).launch()
+    for index, (_, weight) in enumerate(SPECTRUM):
+        for fraction in np.linspace(0.05, 1.0, 20):
+            observed = np.mean((launch.line == index) & (position(launch) < fraction))
+            assert observed == pytest.approx(weight / 4.0 * fraction, abs=6.0 / rays)
 
 
 @every_coloured
-def test_in_space_a_source_of_the_plane_stays_in_it(source: Source) -> None:
+def test_planar_source_stays_in_plane_in_space(source: Source) -> None:
     flat, deep = source.launch(), source.launch(in_space=True)
     assert flat.y_mm is None
     assert flat.dy is None
     assert deep.y_mm is not None
     assert deep.dy is not None
-    if type(source).place_in_space is not Source.place_in_space:  # it knows space, and fills it
+    if type(source).place_in_space is not Source.place_in_space:  # the source extends in space
         np.testing.assert_allclose(deep.dx**2 + deep.dy**2 + deep.dz**2, 1.0, atol=1e-12)
         return
     assert not np.any(deep.y_mm)
@@ -258,7 +258,7 @@ def test_in_space_a_source_of_the_plane_stays_in_it(source: Source) -> None:
 
 
 @every_source
-def test_a_source_takes_another_number_of_rays(source: Source) -> None:
+def test_source_can_be_given_other_number_of_rays(source: Source) -> None:
     more = source.with_rays(101)
     assert more.rays == (source.rays if isinstance(source, Rays) else 101)
     assert more.with_rays(source.rays) == source

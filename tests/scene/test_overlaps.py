@@ -1,4 +1,4 @@
-"""Interfaces that coincide along a stretch, or cross, are refused with the place; neighbours and T's are not."""
+"""Interfaces that coincide over a length, or cross, are refused; neighbours and T-junctions are accepted."""
 
 import math
 
@@ -27,8 +27,8 @@ def refused(interfaces: list[Interface]) -> str:
 
 
 @pytest.mark.parametrize(("low_x", "high_x", "at_x"), [(-1.0, 1.0, 0.0), (-0.5, 0.5, 0.0), (0.0, 2.0, 0.5)])
-def test_bodies_with_a_common_face_are_refused_with_the_place(low_x: float, high_x: float, at_x: float) -> None:
-    """Before, a fan into them lost 44 to 88 % of its light as undefined."""
+def test_reports_position_of_common_face(low_x: float, high_x: float, at_x: float) -> None:
+    """Without this check, 44 to 88 % of the light of a fan became undefined there."""
     second = box("b", (low_x, 3.0), (high_x, 5.0))
     line = refused([*FIRST, *second])
     assert "interfaces a2 and b0" in line
@@ -40,13 +40,13 @@ def test_bodies_with_a_common_face_are_refused_with_the_place(low_x: float, high
 
 @pytest.mark.parametrize("turn_deg", [0.0, 17.0, 211.0])
 @pytest.mark.parametrize("gap_mm", [1e-6, 0.1])
-def test_a_gap_between_two_bodies_is_enough(gap_mm: float, turn_deg: float) -> None:
+def test_accepts_bodies_separated_by_gap(gap_mm: float, turn_deg: float) -> None:
     turn = Rigid.about((0.3, 0.7), turn_deg)
-    both = [*FIRST, *box("b", (-1.0, 3.0 + gap_mm), (1.0, 5.0))]
-    check_overlaps([Interface(i.name, i.curve.moved(turn), i.left, i.right) for i in both])
+    interfaces = [*FIRST, *box("b", (-1.0, 3.0 + gap_mm), (1.0, 5.0))]
+    check_overlaps([Interface(i.name, i.curve.moved(turn), i.left, i.right) for i in interfaces])
 
 
-def test_bodies_that_overlap_are_refused_where_their_sides_cross() -> None:
+def test_reports_crossing_of_overlapping_bodies() -> None:
     line = refused([*FIRST, *box("b", (0.0, 2.0), (2.0, 5.0))])
     assert "interfaces a2 and b3" in line
     assert "cross at x = " in line
@@ -57,7 +57,7 @@ CIRCLE = Arc.circle((0.0, 0.0), 2.0)
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "found"),
+    ("first", "second", "fault"),
     [
         (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 360.0), "overlap"),
         (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 45.0), "overlap"),
@@ -72,27 +72,27 @@ CIRCLE = Arc.circle((0.0, 0.0), 2.0)
         (Bezier((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)), Segment((-1.0, 0.0), (4.0, 0.0)), "overlap"),
     ],
 )
-def test_curves_that_coincide_or_cross(first: Curve, second: Curve, found: str) -> None:
+def test_refuses_curves_that_coincide_or_cross(first: Curve, second: Curve, fault: str) -> None:
     pair = [Interface("one", first, "glass", "air"), Interface("two", second, "glass", "air")]
-    assert found in refused(pair)
-    assert found in refused(pair[::-1])
-    assert found in refused([pair[0], Interface("two", second.reversed(), "air", "glass")])
+    assert fault in refused(pair)
+    assert fault in refused(pair[::-1])
+    assert fault in refused([pair[0], Interface("two", second.reversed(), "air", "glass")])
 
 
 @pytest.mark.parametrize(
     ("first", "second"),
     [
         (CIRCLE, Arc.circle((0.0, 0.0), 2.001)),
-        (CIRCLE, Arc.circle((4.0, 0.0), 2.0)),  # they touch
+        (CIRCLE, Arc.circle((4.0, 0.0), 2.0)),  # touching circles
         (CIRCLE, Segment((-3.0, 2.0), (3.0, 2.0))),  # a tangent
-        (Arc((0.0, 0.0), 2.0, 0.0, 90.0), Arc((0.0, 0.0), 2.0, 90.0, 90.0)),  # one after the other
+        (Arc((0.0, 0.0), 2.0, 0.0, 90.0), Arc((0.0, 0.0), 2.0, 90.0, 90.0)),  # consecutive arcs
         (Arc((0.0, 0.0), 2.0, 0.0, 90.0), Segment((2.0, 0.0), (2.0, -5.0))),  # a fillet
         (Arc((0.0, 0.0), 1e4, 0.0, 0.01), Segment((1e4, 0.0), (1e4, 1.5))),  # leaves its tangent by 1e-4 mm
         (Segment((0.0, 0.0), (1.0, 0.0)), Segment((1.0, 0.0), (3.0, 0.0))),
         (Segment((0.0, 0.0), (1.0, 0.0)), Segment((0.5, 0.0), (0.5, 3.0))),  # a T
     ],
 )
-def test_curves_that_touch_or_follow_one_another_pass(first: Curve, second: Curve) -> None:
+def test_accepts_curves_that_touch_or_join(first: Curve, second: Curve) -> None:
     pair = [Interface("one", first, "glass", "air"), Interface("two", second, "glass", "air")]
     check_overlaps(pair)
     check_overlaps(pair[::-1])

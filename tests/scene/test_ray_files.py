@@ -1,4 +1,4 @@
-"""Vendors' ray files: what is written is read, placed where it belongs, and refused where it is not whole."""
+"""Vendors' ray files: reading, placement of the rays, and error messages for damaged files."""
 
 import math
 import os
@@ -33,51 +33,51 @@ def with_colours(rays: np.ndarray, *values: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("write", [zemax, tm25], ids=["zemax", "tm25"])
-def test_what_is_written_is_read(write: Callable[[Path, np.ndarray], Path], tmp_path: Path) -> None:
-    found = read_rays(write(tmp_path / "a.dat", THREE))
-    assert found.point_mm == pytest.approx(THREE[:, :3], abs=1e-7)
-    assert found.direction == pytest.approx(THREE[:, 3:6], abs=1e-7)
-    assert found.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
-    ((nm, weight),) = found.spectrum
+def test_rays_read_equal_rays_written(write: Callable[[Path, np.ndarray], Path], tmp_path: Path) -> None:
+    rays_read = read_rays(write(tmp_path / "a.dat", THREE))
+    assert rays_read.point_mm == pytest.approx(THREE[:, :3], abs=1e-7)
+    assert rays_read.direction == pytest.approx(THREE[:, 3:6], abs=1e-7)
+    assert rays_read.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
+    ((nm, weight),) = rays_read.spectrum
     assert (nm, weight) == pytest.approx((850.0, 1.0), rel=1e-6)
-    assert found.line is None
+    assert rays_read.line is None
 
 
 @pytest.mark.parametrize(("unit", "factor"), [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)])
-def test_lengths_of_zemax_are_in_its_unit(unit: int, factor: float, tmp_path: Path) -> None:
-    found = read_rays(zemax(tmp_path / "a.sdf", THREE, unit=unit))
-    assert found.point_mm == pytest.approx(factor * THREE[:, :3], rel=1e-6)
+def test_reads_lengths_in_unit_of_zemax_file(unit: int, factor: float, tmp_path: Path) -> None:
+    rays_read = read_rays(zemax(tmp_path / "a.sdf", THREE, unit=unit))
+    assert rays_read.point_mm == pytest.approx(factor * THREE[:, :3], rel=1e-6)
 
 
-def test_colours_of_rays_are_read(tmp_path: Path) -> None:
+def test_reads_wavelength_of_each_ray(tmp_path: Path) -> None:
     rays = with_colours(THREE, 0.45, 0.62, 0.45)
-    found = read_rays(zemax(tmp_path / "a.sdf", rays, kind=2))
-    assert [nm for nm, _ in found.spectrum] == pytest.approx([450.0, 620.0], rel=1e-6)
-    assert [weight for _, weight in found.spectrum] == pytest.approx([0.25, 0.75], rel=1e-6)
-    assert found.line is not None
-    assert found.line.tolist() == [0, 1, 0]
-    other = read_rays(
+    rays_read = read_rays(zemax(tmp_path / "a.sdf", rays, kind=2))
+    assert [nm for nm, _ in rays_read.spectrum] == pytest.approx([450.0, 620.0], rel=1e-6)
+    assert [weight for _, weight in rays_read.spectrum] == pytest.approx([0.25, 0.75], rel=1e-6)
+    assert rays_read.line is not None
+    assert rays_read.line.tolist() == [0, 1, 0]
+    tm25_rays = read_rays(
         tm25(
             tmp_path / "a.tm25ray", with_colours(THREE, 450.0, 620.0, 450.0), spectral=2, flags=(1, 1, 1, 1, 0, 0, 0, 0)
         )
     )
-    assert other.line is not None
-    assert other.line.tolist() == [0, 1, 0]
+    assert tm25_rays.line is not None
+    assert tm25_rays.line.tolist() == [0, 1, 0]
 
 
-def test_many_colours_are_gathered_and_keep_their_mean(tmp_path: Path) -> None:
+def test_bins_many_wavelengths_and_keeps_their_mean(tmp_path: Path) -> None:
     rays = lambertian(2000)
     nm = np.linspace(400.0, 700.0, 2000)
-    found = read_rays(zemax(tmp_path / "a.sdf", np.column_stack([rays, nm / 1000.0]), kind=2))
-    values, weights = (np.array(column) for column in zip(*found.spectrum, strict=True))
+    rays_read = read_rays(zemax(tmp_path / "a.sdf", np.column_stack([rays, nm / 1000.0]), kind=2))
+    values, weights = (np.array(column) for column in zip(*rays_read.spectrum, strict=True))
     assert len(values) <= 32
     assert weights.sum() == pytest.approx(1.0, rel=1e-6)
     assert values @ weights == pytest.approx(550.0, abs=0.01)
-    assert found.line is not None
-    assert np.max(np.abs(values[found.line] - nm)) < 300.0 / 32
+    assert rays_read.line is not None
+    assert np.max(np.abs(values[rays_read.line] - nm)) < 300.0 / 32
 
 
-def test_a_table_of_a_spectrum_a_text_and_luminous_columns_are_passed_over(tmp_path: Path) -> None:
+def test_reads_past_spectral_table_text_and_luminous_columns(tmp_path: Path) -> None:
     rays = np.column_stack([THREE, 683.0 * THREE[:, 6]])  # radiant and luminous flux
     path = tm25(
         tmp_path / "a.tm25ray",
@@ -87,19 +87,19 @@ def test_a_table_of_a_spectrum_a_text_and_luminous_columns_are_passed_over(tmp_p
         table=((450.0, 1.0), (500.0, 0.0), (620.0, 3.0)),
         text=b"x" * 64,
     )
-    found = read_rays(path)
-    assert found.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
-    assert found.spectrum == ((450.0, 1.0), (620.0, 3.0))
+    rays_read = read_rays(path)
+    assert rays_read.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
+    assert rays_read.spectrum == ((450.0, 1.0), (620.0, 3.0))
 
 
-def changed(row: int, column: int, value: float) -> np.ndarray:
+def with_value(row: int, column: int, value: float) -> np.ndarray:
     bad = THREE.copy()
     bad[row, column] = value
     return bad
 
 
-def cut(path: Path, keep: int) -> None:
-    path.write_bytes(path.read_bytes()[:keep])
+def cut(path: Path, size: int) -> None:
+    path.write_bytes(path.read_bytes()[:size])
 
 
 BROKEN: dict[str, Callable[[Path], object]] = {
@@ -118,14 +118,14 @@ BROKEN: dict[str, Callable[[Path], object]] = {
     "no flux": lambda path: tm25(path, THREE[:, :6], flags=(1, 1, 0, 0, 0, 0, 0, 0)),
     "by ray": lambda path: tm25(path, np.column_stack([THREE, [1, 1, 1]]), spectral=4, flags=(1, 1, 1, 0, 0, 0, 0, 1)),
     "dark": lambda path: zemax(path, THREE * [1, 1, 1, 1, 1, 1, 0]),
-    "not unit": lambda path: zemax(path, changed(1, 4, 0.9)),
-    "nan": lambda path: zemax(path, changed(2, 0, math.nan)),
-    "negative": lambda path: zemax(path, changed(2, 6, -1.0)),
+    "not unit": lambda path: zemax(path, with_value(1, 4, 0.9)),
+    "nan": lambda path: zemax(path, with_value(2, 0, math.nan)),
+    "negative": lambda path: zemax(path, with_value(2, 6, -1.0)),
 }
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "message"),
     [
         ("missing", "cannot be read"),
         ("text", "neither a binary Zemax file"),
@@ -147,18 +147,18 @@ BROKEN: dict[str, Callable[[Path], object]] = {
         ("negative", "ray 3 of 3; its flux must be at least 0"),
     ],
 )
-def test_a_file_that_is_none_is_refused_with_the_place(kind: str, words: str, tmp_path: Path) -> None:
+def test_reports_position_of_fault(kind: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.dat"
     BROKEN[kind](path)
     with pytest.raises(DataError) as refusal:
         read_rays(path)
     line = str(refusal.value)
-    assert words in line
+    assert message in line
     assert "broken.dat" in line
     assert len(line.splitlines()) == 1
 
 
-def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+def test_reads_changed_file_again(tmp_path: Path) -> None:
     path = zemax(tmp_path / "a.dat", THREE)
     assert len(read_rays(path)) == 3
     zemax(path, THREE[:2])
@@ -166,8 +166,8 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
     assert len(read_rays(path)) == 2
 
 
-def test_rays_stand_where_the_axis_puts_them(tmp_path: Path) -> None:
-    """The file's z runs along the axis, its x to the right of it, its y up; each ray has its own power."""
+def test_places_rays_relative_to_axis(tmp_path: Path) -> None:
+    """The z-axis of the file is along the axis, x to its right and y upwards; each ray has its own power."""
     source = RayFile.of(str(zemax(tmp_path / "a.dat", THREE)), (1.0, -2.0), 30.0, power=4.0)
     launch = source.launch(in_space=True)
     assert launch.y_mm is not None
@@ -185,13 +185,13 @@ def test_rays_stand_where_the_axis_puts_them(tmp_path: Path) -> None:
     assert flat.dx / flat.dz == pytest.approx(launch.dx / launch.dz, rel=1e-12)
 
 
-def test_a_ray_along_y_goes_along_the_axis_in_the_plane(tmp_path: Path) -> None:
-    up = np.array([[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0]])
-    launch = RayFile.of(str(zemax(tmp_path / "a.dat", up)), (0.0, 0.0), 20.0).launch()
+def test_ray_along_y_becomes_ray_along_axis_in_plane(tmp_path: Path) -> None:
+    along_y = np.array([[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0]])
+    launch = RayFile.of(str(zemax(tmp_path / "a.dat", along_y)), (0.0, 0.0), 20.0).launch()
     assert (launch.dx[0], launch.dz[0]) == pytest.approx(heading(20.0))
 
 
-def test_fewer_rays_are_drawn_by_their_power(tmp_path: Path) -> None:
+def test_draws_fewer_rays_in_proportion_to_power(tmp_path: Path) -> None:
     rays = lambertian(4000)
     rays[:, 6] *= np.where(rays[:, 0] > 0.0, 3.0, 1.0)
     source = RayFile.of(str(zemax(tmp_path / "a.dat", rays)), (0.0, 0.0), 0.0, 1000)
@@ -201,25 +201,25 @@ def test_fewer_rays_are_drawn_by_their_power(tmp_path: Path) -> None:
     expected = rays[rays[:, 0] > 0.0, 6].sum() / rays[:, 6].sum()
     assert np.mean(launch.x_mm > 0.0) == pytest.approx(
         expected, abs=0.03
-    )  # a thousand rays, drawn in the order of the file
+    )  # for a thousand rays, drawn in the order of the file
 
 
-def test_a_file_is_a_source_of_a_scene(tmp_path: Path) -> None:
+def test_ray_file_is_source_of_scene(tmp_path: Path) -> None:
     path = zemax(tmp_path / "a.dat", with_colours(lambertian(64), 0.45, 0.62), kind=2)
     source = RayFile.of(str(path), (0.0, 0.0), 0.0)
     scene = Scene((Region("air", 1.0),), (), (source,))
     assert loads(dumps(scene)) == scene
     for sampling in ("fan", "sobol"):
-        found = trace(scene, "power", sampling=sampling)
-        assert found.ledger.escaped == pytest.approx(1.0, abs=1e-12)
+        rays_read = trace(scene, "power", sampling=sampling)
+        assert rays_read.ledger.escaped == pytest.approx(1.0, abs=1e-12)
     assert source.dimensions() == 1
     assert np.bincount(source.launch().line).tolist() == [32, 32]
     assert source.with_spectrum(()).launch().line.tolist() == [0] * 64
 
 
 @pytest.mark.parametrize("sampling", ["fan", "sobol"])
-def test_however_rays_are_chosen_each_has_its_power(sampling: Literal["fan", "sobol"], tmp_path: Path) -> None:
-    """Of 300 rays those to the right carry nine times as much."""
+def test_power_of_rays_is_the_same_for_every_sampling(sampling: Literal["fan", "sobol"], tmp_path: Path) -> None:
+    """Of 300 rays, those to the right carry nine times the power of those to the left."""
     angles = np.radians(np.linspace(-40.0, 40.0, 300))
     rays = np.zeros((300, 7))
     rays[:, 3], rays[:, 5], rays[:, 6] = np.sin(angles), np.cos(angles), np.where(angles > 0.0, 9.0, 1.0)
@@ -229,6 +229,6 @@ def test_however_rays_are_chosen_each_has_its_power(sampling: Literal["fan", "so
         Interface(name, Segment(a, b).reversed(), "air", "air", "receiver", name)
         for name, a, b in (("left", *ends[:2]), ("right", *ends[1:]))
     )
-    found = trace(Scene((Region("air", 1.0),), screens, (source,)), "power", sampling=sampling)
-    assert found.detectors["right"].power == pytest.approx(0.9, abs=max(4.0 * found.u_power, 1e-3))
-    assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
+    rays_read = trace(Scene((Region("air", 1.0),), screens, (source,)), "power", sampling=sampling)
+    assert rays_read.detectors["right"].power == pytest.approx(0.9, abs=max(4.0 * rays_read.u_power, 1e-3))
+    assert rays_read.ledger.total == pytest.approx(1.0, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Formulas of scenes of ray-optics: values beside Python's own, and refusals that name the place."""
+"""Formulas of ray-optics scenes: values compared with Python's, and errors that report the position."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 
 from solen.errors import DataError
 from solen.scene.rayoptics.formula import FUNCTIONS, parse
-from solen.scene.rayoptics.modules import Scope, unfolded
+from solen.scene.rayoptics.modules import Scope, expanded
 
 X = 0.37
 
@@ -49,7 +49,7 @@ def test_values(text: str, value: float) -> None:
     assert parse(text, ["x"])(x=X) == pytest.approx(value, rel=1e-15, abs=1e-15)
 
 
-def test_every_function_has_a_value_somewhere() -> None:
+def test_every_function_has_finite_value() -> None:
     for name in FUNCTIONS:
         argument = 1.5 if name in ("acosh", "sec") else 0.5
         arguments = "x, x" if name in ("max", "min", "atan2") else "x"
@@ -57,12 +57,12 @@ def test_every_function_has_a_value_somewhere() -> None:
 
 
 @pytest.mark.parametrize("text", [r"\sqrt{x}", "log(x)", "x^0.5", "1/(x+1)", "asin(2x)", "exp(1000)^2", "x^2^2^-x/0"])
-def test_where_there_is_no_value_there_is_none(text: str) -> None:
+def test_undefined_value_is_nan(text: str) -> None:
     assert math.isnan(parse(text, ["x"])(x=-1.0))
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("x.__class__", "at character 2"),
         ("__import__('os')", "at character 1"),
@@ -86,14 +86,14 @@ def test_where_there_is_no_value_there_is_none(text: str) -> None:
         ("x;x", "at character 2"),
     ],
 )
-def test_refusals_name_the_place(text: str, told: str) -> None:
+def test_errors_report_position(text: str, message: str) -> None:
     with pytest.raises(DataError, match="formula") as bad:
         parse(text, ["x"])(x=1.0)
-    assert told in str(bad.value)
+    assert message in str(bad.value)
     assert "\n" not in str(bad.value)
 
 
-def test_modules_unfold_in_loops_under_conditions() -> None:
+def test_expands_loops_and_conditions_of_modules() -> None:
     module = {
         "params": ["n=1:1:9:3", "size=0:1:10:2"],
         "vars": ["half = size/2", "square(t) = t^2 * half"],
@@ -102,22 +102,22 @@ def test_modules_unfold_in_loops_under_conditions() -> None:
             {"for": ["i=0:1:1", "j=0:1:1"], "type": "B", "nested": {"v": ["`10 i + j`"]}},
         ],
     }
-    found = unfolded(module, [{"x": 100, "y": 0}], {"size": 4})
-    assert found[:2] == [{"type": "A", "x": 102.0, "label": "no. 1!"}, {"type": "A", "x": 118.0, "label": "no. 3!"}]
-    assert [one["nested"]["v"][0] for one in found[2:]] == [0.0, 1.0, 10.0, 11.0]
+    objects = expanded(module, [{"x": 100, "y": 0}], {"size": 4})
+    assert objects[:2] == [{"type": "A", "x": 102.0, "label": "no. 1!"}, {"type": "A", "x": 118.0, "label": "no. 3!"}]
+    assert [item["nested"]["v"][0] for item in objects[2:]] == [0.0, 1.0, 10.0, 11.0]
 
 
-def test_a_kept_formula_knows_its_module() -> None:
+def test_formula_in_double_backticks_uses_values_of_module() -> None:
     module = {"vars": ["f(t) = t^3 * x_1"], "objs": [{"type": "A", "eqn": "``f(x) + x_1``"}]}
-    (item,) = unfolded(module, [{"x": 2, "y": 0}], {})
-    assert item["eqn"].of("x").compiled()(3.0) == 56.0
+    (item,) = expanded(module, [{"x": 2, "y": 0}], {})
+    assert item["eqn"].in_variable("x").compiled()(3.0) == 56.0
 
 
 @pytest.mark.parametrize(
-    ("module", "told"),
+    ("module", "message"),
     [
-        ({"objs": [{"for": "i=1:1:5000", "type": "A"}]}, "must end within 1000 rounds"),
-        ({"objs": [{"for": ["i=1:1:500", "j=1:1:500"], "type": "A"}]}, "250000 rounds"),
+        ({"objs": [{"for": "i=1:1:5000", "type": "A"}]}, "must end within 1000 iterations"),
+        ({"objs": [{"for": ["i=1:1:500", "j=1:1:500"], "type": "A"}]}, "250000 iterations"),
         ({"objs": [{"for": "i=1:0:5", "type": "A"}]}, "must end within"),
         ({"objs": [{"for": "i=1:5", "type": "A"}]}, "name=start:step:end"),
         ({"objs": [{"type": "A", "x": "`random()`"}]}, "'random'; is unknown"),
@@ -127,13 +127,13 @@ def test_a_kept_formula_knows_its_module() -> None:
         ({"maxLoopLength": 10**9, "objs": []}, "maxLoopLength"),
     ],
 )
-def test_modules_are_refused_in_one_line(module: dict[str, object], told: str) -> None:
+def test_refuses_invalid_module_in_one_line(module: dict[str, object], message: str) -> None:
     with pytest.raises(DataError) as bad:
-        unfolded(module, [], {})
-    assert told in str(bad.value)
+        expanded(module, [], {})
+    assert message in str(bad.value)
 
 
-def test_a_scope_is_not_changed_by_what_is_added() -> None:
+def test_adding_values_does_not_change_scope() -> None:
     scope = Scope({"a": 1.0})
     assert scope.with_values({"a": 2.0}).number("a") == 2.0
     assert scope.number("a") == 1.0

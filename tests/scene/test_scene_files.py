@@ -1,4 +1,4 @@
-"""Scenes as JSON: equal after reading back, and one line for what is not a scene."""
+"""Scene files: a scene read back equals the one written, and an invalid file is refused with one line."""
 
 import dataclasses
 import inspect
@@ -36,7 +36,7 @@ from solen.scene.json import SOURCES
 from solen.spec.objects import CURVES
 from tests.scene.rayfile_support import lambertian, zemax
 
-CURVES_HERE: tuple[Curve, ...] = (
+ALL_CURVES: tuple[Curve, ...] = (
     Segment((0.1, -0.2), (1 / 3, 2.0)),
     Arc((0.5, 1.5), 2.0, -30.0, 275.0),
     Parabola((0.0, 1.0), (0.6, 0.8), -0.004, 3.0, -1.0),
@@ -46,7 +46,7 @@ CURVES_HERE: tuple[Curve, ...] = (
     Spline.through([(0.0, 0.0), (1.0, 0.3), (1.5, 1.7), (-0.2, 1.0)], closed=True),
 )
 FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(9))
-SOURCES_HERE = (
+ALL_SOURCES = (
     Fan((0.0, -1.0), 3.0, 120.0, 101, power=0.25, s_share=1.0),
     Beam((-1.0, -2.0), (1.0, -2.0), -5.0, 7, s_share=0.0),
     Rays(((0.0, 0.0), (1.0, 2.0)), ((0.0, 1.0), (3.0, 4.0)), power=2.0),
@@ -57,15 +57,15 @@ SOURCES_HERE = (
     Ambient((0.1, 1 / 3), 30.0, 101, 4.0, power=0.25),
     RayFile(str(FILE), (0.1, -1.0), -3.0, 7, 0.2),
 )
-FULL = Scene(
+SCENE = Scene(
     (Region("air", 1.0), Region("body", 1.44, 0.01)),
     (
-        *(Interface(f"i{i}", curve, "body", "air") for i, curve in enumerate(CURVES_HERE)),
-        Interface("m", CURVES_HERE[0], "air", "air", "mirror"),
-        Interface("a", CURVES_HERE[1], "air", "body", "absorbing"),
-        Interface("r", CURVES_HERE[0], "air", "air", "receiver", "eye"),
+        *(Interface(f"i{i}", curve, "body", "air") for i, curve in enumerate(ALL_CURVES)),
+        Interface("m", ALL_CURVES[0], "air", "air", "mirror"),
+        Interface("a", ALL_CURVES[1], "air", "body", "absorbing"),
+        Interface("r", ALL_CURVES[0], "air", "air", "receiver", "eye"),
     ),
-    SOURCES_HERE,
+    ALL_SOURCES,
     (Monitor("line", (0.0, 0.0), (1.0, 1.0), 8), Monitor("bare", (0.0, 1.0), (1.0, 1.0))),
     "everything",
     open_media=True,
@@ -73,7 +73,7 @@ FULL = Scene(
 
 
 def data() -> dict[str, Any]:
-    return dict(json.loads(scenes.dumps(FULL)))
+    return dict(json.loads(scenes.dumps(SCENE)))
 
 
 def refused(text: str) -> str:
@@ -84,45 +84,45 @@ def refused(text: str) -> str:
     return line
 
 
-def test_the_round_trip_covers_every_curve_and_every_source() -> None:
-    assert {type(curve) for curve in CURVES_HERE} == set(CURVES.values())
-    assert {type(source) for source in SOURCES_HERE} == set(SOURCES.values())
+def test_round_trip_covers_every_curve_and_source() -> None:
+    assert {type(curve) for curve in ALL_CURVES} == set(CURVES.values())
+    assert {type(source) for source in ALL_SOURCES} == set(SOURCES.values())
     public = {value for value in vars(curves).values() if inspect.isclass(value) and issubclass(value, Curve)}
     assert {cls for cls in public if not inspect.isabstract(cls)} == set(CURVES.values())
 
 
-def test_what_is_written_is_read_back_equal(tmp_path: Path) -> None:
-    assert scenes.loads(scenes.dumps(FULL)) == FULL
-    assert scenes.load(scenes.save(tmp_path / "s.json", FULL)) == FULL
-    assert scenes.dumps(scenes.loads(scenes.dumps(FULL))) == scenes.dumps(FULL)
+def test_scene_read_back_equals_scene_written(tmp_path: Path) -> None:
+    assert scenes.loads(scenes.dumps(SCENE)) == SCENE
+    assert scenes.load(scenes.save(tmp_path / "s.json", SCENE)) == SCENE
+    assert scenes.dumps(scenes.loads(scenes.dumps(SCENE))) == scenes.dumps(SCENE)
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @given(ends=st.tuples(st.tuples(finite, finite), st.tuples(finite, finite)), name=st.text())
-def test_every_float_and_every_name_survives(ends: Any, name: str) -> None:
+def test_every_float_and_name_is_read_back(ends: Any, name: str) -> None:
     assume(ends[0] != ends[1])
     interface = Interface(name, Segment(*ends), "air", "air")
-    scene = Scene((Region("air", 1.0),), (interface,), (SOURCES_HERE[0],), name=name)
+    scene = Scene((Region("air", 1.0),), (interface,), (ALL_SOURCES[0],), name=name)
     assert scenes.loads(scenes.dumps(scene)) == scene
 
 
-def test_defaults_are_left_out_and_read_back() -> None:
-    face = Interface("face", CURVES_HERE[0], "air", "air")
-    plain = Scene((Region("air", 1.0),), (face,), (Fan((0.0, -1.0), 0.0, 60.0, 3),), (Monitor("m", (0, 1), (1, 1)),))
-    text = json.loads(scenes.dumps(plain))
+def test_omits_defaults() -> None:
+    face = Interface("face", ALL_CURVES[0], "air", "air")
+    minimal = Scene((Region("air", 1.0),), (face,), (Fan((0.0, -1.0), 0.0, 60.0, 3),), (Monitor("m", (0, 1), (1, 1)),))
+    text = json.loads(scenes.dumps(minimal))
     assert text["regions"] == [{"name": "air", "index": 1.0}]
     assert set(text["interfaces"][0]) == {"name", "curve", "left", "right"}
     assert set(text["sources"][0]) == {"kind", "point", "axis_deg", "cone_deg", "rays"}
     assert set(text["monitors"][0]) == {"name", "start", "end"}
-    assert scenes.loads(json.dumps(text)) == plain
-    bare = Scene(plain.regions, plain.interfaces, plain.sources)
+    assert scenes.loads(json.dumps(text)) == minimal
+    bare = Scene(minimal.regions, minimal.interfaces, minimal.sources)
     assert not {"monitors", "open_media"} & set(json.loads(scenes.dumps(bare)))
     assert scenes.loads(scenes.dumps(bare)) == bare
 
 
-def test_what_differs_from_its_default_is_written() -> None:
+def test_writes_values_that_differ_from_defaults() -> None:
     text = data()
     assert text["regions"][1]["absorption_per_mm"] == 0.01
     assert (text["sources"][0]["power"], text["sources"][0]["s_share"]) == (0.25, 1.0)
@@ -133,7 +133,7 @@ def test_what_differs_from_its_default_is_written() -> None:
     assert text["open_media"] is True
 
 
-def test_a_scene_without_monitors_and_name_is_read() -> None:
+def test_reads_scene_without_monitors_and_name() -> None:
     bare = {key: value for key, value in data().items() if key not in {"monitors", "name"}}
     assert scenes.loads(json.dumps(bare)).monitors == ()
 
@@ -141,11 +141,11 @@ def test_a_scene_without_monitors_and_name_is_read() -> None:
 @pytest.mark.parametrize(
     "text", ["", "{", "null", "[]", "3", "{}", '"text"', '{"solen_scene": 1}', '{"solen_scene": 1, "regions": 3}']
 )
-def test_what_is_not_a_scene_is_refused_with_its_place(text: str) -> None:
+def test_refuses_text_that_is_not_a_scene(text: str) -> None:
     assert "scene.json" in refused(text)
 
 
-def test_another_schema_is_refused() -> None:
+def test_refuses_other_schema() -> None:
     assert "solen_scene = 2; this version of solen reads 1" in refused(json.dumps(data() | {"solen_scene": 2}))
 
 
@@ -169,23 +169,23 @@ def test_another_schema_is_refused() -> None:
         ("monitors", "colour", "red"),
     ],
 )
-def test_a_wrong_part_is_refused_in_one_line(part: str, key: str, value: object) -> None:
+def test_refuses_invalid_part_in_one_line(part: str, key: str, value: object) -> None:
     wrong = data()
     wrong[part][0][key] = value
     assert "scene" in refused(json.dumps(wrong))
 
 
 @pytest.mark.parametrize("value", [1, 0, "true", None])
-def test_open_media_is_true_or_false(value: object) -> None:
+def test_refuses_open_media_that_is_not_boolean(value: object) -> None:
     assert "scene.json: open_media" in refused(json.dumps(data() | {"open_media": value}))
 
 
-def test_a_file_whose_media_are_open_is_refused_unless_it_says_so() -> None:
+def test_refuses_open_media_unless_declared() -> None:
     with pytest.raises(DesignError, match="not closed"):
         scenes.loads(json.dumps(data() | {"open_media": False}))
 
 
-def test_an_unphysical_scene_is_refused_by_the_scene_itself() -> None:
+def test_checks_of_scene_apply_to_files() -> None:
     wrong = data()
     wrong["regions"][1]["index"] = 0.5
     with pytest.raises(DesignError, match="region body"):
@@ -201,18 +201,18 @@ def test_an_unphysical_scene_is_refused_by_the_scene_itself() -> None:
         | {"from_mm": -1, "to_mm": 0.5},
     ],
 )
-def test_a_curve_that_cannot_be_built_is_refused_by_the_curve_itself(curve: dict[str, Any]) -> None:
+def test_checks_of_curves_apply_to_files(curve: dict[str, Any]) -> None:
     wrong = data()
     wrong["interfaces"][0]["curve"] = curve
     assert refused(json.dumps(wrong)).startswith(curve["kind"])
 
 
-def test_files_that_cannot_be_read_are_reported(tmp_path: Path) -> None:
+def test_reports_missing_file(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         scenes.load(tmp_path / "none.json")
 
 
-LAX: list[tuple[str, str, object]] = [
+WRONG_TYPES: list[tuple[str, str, object]] = [
     ("interfaces", "curve", {"kind": "segment", "a": [0], "b": [1, 1]}),
     ("interfaces", "curve", {"kind": "segment", "a": "xy", "b": [1, 1]}),
     ("interfaces", "curve", {"kind": "segment", "a": [0, math.nan], "b": [1, 1]}),
@@ -222,20 +222,20 @@ LAX: list[tuple[str, str, object]] = [
 ]
 
 
-@pytest.mark.parametrize(("part", "key", "value"), LAX)
-def test_values_of_the_wrong_kind_are_refused(part: str, key: str, value: object) -> None:
+@pytest.mark.parametrize(("part", "key", "value"), WRONG_TYPES)
+def test_refuses_values_of_wrong_type(part: str, key: str, value: object) -> None:
     wrong = data()
     wrong[part][0][key] = value
     refused(json.dumps(wrong))
 
 
-def test_an_unknown_key_at_the_top_is_refused() -> None:
+def test_refuses_unknown_top_level_key() -> None:
     line = refused(json.dumps(data() | {"interface": []}))
     assert "scene.json: interface; unknown key; the known keys are extrusion, interfaces, monitors, name" in line
 
 
 @pytest.mark.parametrize("part", ["regions", "interfaces", "sources", "monitors"])
-def test_an_unknown_or_a_missing_key_of_a_part_is_reported_with_its_place(part: str) -> None:
+def test_reports_position_of_unknown_or_missing_key(part: str) -> None:
     wrong = data()
     wrong[part][1]["colour"] = "red"
     assert f"scene.json: {part}[1]: colour; unknown key" in refused(json.dumps(wrong))
@@ -247,25 +247,25 @@ def test_an_unknown_or_a_missing_key_of_a_part_is_reported_with_its_place(part: 
 
 @pytest.mark.parametrize("kind", [None, 3, ["fan"], {"fan": 1}, "sun"])
 @pytest.mark.parametrize("part", ["interfaces", "sources"])
-def test_a_kind_that_is_none_is_refused_whatever_it_is(part: str, kind: object) -> None:
+def test_refuses_unknown_kind(part: str, kind: object) -> None:
     wrong = data()
     (wrong[part][0]["curve"] if part == "interfaces" else wrong[part][0])["kind"] = kind
     assert "must be one of" in refused(json.dumps(wrong))
 
 
-def test_a_deep_text_is_refused() -> None:
+def test_refuses_deeply_nested_json() -> None:
     refused("[" * 100_000)
 
 
-class Bent(Segment):
-    """A curve that files do not know."""
+class CustomCurve(Segment):
+    """A curve that scene files do not support."""
 
 
-@pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0))])
-def test_what_cannot_be_written_is_reported(curve: Curve) -> None:
-    scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (SOURCES_HERE[0],))
+@pytest.mark.parametrize("curve", [CustomCurve((0.0, 0.0), (1.0, 0.0))])
+def test_refuses_to_write_custom_curve(curve: Curve) -> None:
+    scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (ALL_SOURCES[0],))
     with pytest.raises(
-        DesignError, match="Bent; a scene file supports only segment, arc, parabola, cartesian-oval"
+        DesignError, match="CustomCurve; a scene file supports only segment, arc, parabola, cartesian-oval"
     ) as refusal:
         scenes.dumps(scene)
     assert len(str(refusal.value).splitlines()) == 1
@@ -284,16 +284,16 @@ INDICES: tuple[Dispersion, ...] = (
 SPECTRUM = ((860.0, 1.0), (1850.0 / 3.0, 0.1 + 0.2))
 COLOURFUL = Scene(
     (Region("air", 1.0), *(Region(f"resin-{i}", index, 0.01 * i) for i, index in enumerate(INDICES))),
-    (Interface("face", CURVES_HERE[0], "air", "air"),),
-    tuple(dataclasses.replace(source, spectrum=SPECTRUM) for source in SOURCES_HERE),
+    (Interface("face", ALL_CURVES[0], "air", "air"),),
+    tuple(dataclasses.replace(source, spectrum=SPECTRUM) for source in ALL_SOURCES),
 )
 
 
-def test_the_round_trip_covers_every_dispersion() -> None:
+def test_round_trip_covers_every_dispersion() -> None:
     assert {type(index) for index in INDICES} == set(KINDS.values())
 
 
-def test_spectra_and_dispersions_are_read_back_equal() -> None:
+def test_spectra_and_dispersions_read_back_equal_those_written() -> None:
     again = scenes.loads(scenes.dumps(COLOURFUL))
     assert again == COLOURFUL
     assert scenes.dumps(again) == scenes.dumps(COLOURFUL)
@@ -306,7 +306,7 @@ def test_spectra_and_dispersions_are_read_back_equal() -> None:
             assert after.index.u_index(860.0) == before.index.u_index(860.0)
 
 
-def test_dispersions_and_spectra_are_written_to_be_read() -> None:
+def test_writes_readable_dispersions_and_spectra() -> None:
     text = json.loads(scenes.dumps(COLOURFUL))
     assert text["regions"][0] == {"name": "air", "index": 1.0}
     assert text["regions"][4]["index"] == {
@@ -315,12 +315,12 @@ def test_dispersions_and_spectra_are_written_to_be_read() -> None:
         "C_um2": [0.01, 1 / 90],
         "valid_nm": [400.0, 1000.0],
     }
-    assert [source["spectrum"] for source in text["sources"]] == [[list(line) for line in SPECTRUM]] * len(SOURCES_HERE)
+    assert [source["spectrum"] for source in text["sources"]] == [[list(line) for line in SPECTRUM]] * len(ALL_SOURCES)
     assert "spectrum" not in data()["sources"][0]
 
 
 @pytest.mark.parametrize(
-    ("index", "words"),
+    ("index", "message"),
     [
         ({"A": 1.5}, "scene.json: regions[0]: index: kind; must be one of number, table, cauchy, sellmeier"),
         ({"kind": "abbe", "A": 1.5}, "index: kind = 'abbe'; must be one of"),
@@ -332,43 +332,43 @@ def test_dispersions_and_spectra_are_written_to_be_read() -> None:
         ({"kind": "table", "wavelength_nm": [1000.0, 400.0], "n": [1.4, 1.5]}, "scene.json: regions[0]: index: "),
     ],
 )
-def test_an_index_that_is_none_is_refused_with_its_place(index: object, words: str) -> None:
+def test_reports_position_of_invalid_index(index: object, message: str) -> None:
     wrong = data()
     wrong["regions"][0]["index"] = index
-    assert words in refused(json.dumps(wrong))
+    assert message in refused(json.dumps(wrong))
 
 
 @pytest.mark.parametrize("spectrum", [860.0, [860.0, 1.0], [[860.0]], [[860.0, 1.0, 2.0]], [["red", 1.0]], "red", None])
-def test_a_spectrum_that_is_none_is_refused_with_its_place(spectrum: object) -> None:
+def test_reports_position_of_invalid_spectrum(spectrum: object) -> None:
     wrong = data()
     wrong["sources"][3]["spectrum"] = spectrum
     assert "scene.json: sources[3]: spectrum" in refused(json.dumps(wrong))
 
 
-def test_spectra_of_a_file_are_checked_by_the_scene() -> None:
+def test_checks_of_spectra_apply_to_files() -> None:
     wrong = data()
     wrong["sources"][0]["spectrum"] = [[860.0, 1.0]]
-    assert "source spectrum = 'missing in 8 of 9'" in refused(json.dumps(wrong))
+    assert "source spectrum; is missing in 8 of 9 sources" in refused(json.dumps(wrong))
     wrong = json.loads(scenes.dumps(COLOURFUL))
     wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
     assert "index at 1000.5 nm; it is known only from 400 to 1000 nm" in refused(json.dumps(wrong))
     for source in wrong["sources"]:
         del source["spectrum"]
-    assert "region resin-0 = 'depends on the wavelength'" in refused(json.dumps(wrong))
+    assert "region resin-0 index; depends on the wavelength" in refused(json.dumps(wrong))
 
 
-class Own(Cauchy):
-    """An index that files do not know."""
+class CustomIndex(Cauchy):
+    """An index that scene files do not support."""
 
 
-def test_an_index_that_cannot_be_written_is_reported() -> None:
-    source = dataclasses.replace(SOURCES_HERE[0], spectrum=SPECTRUM)
-    scene = Scene((Region("air", Own(A=1.2)),), (Interface("i", CURVES_HERE[0], "air", "air"),), (source,))
-    with pytest.raises(DesignError, match="Own; a scene file supports only number, table, cauchy, sellmeier"):
+def test_refuses_to_write_custom_index() -> None:
+    source = dataclasses.replace(ALL_SOURCES[0], spectrum=SPECTRUM)
+    scene = Scene((Region("air", CustomIndex(A=1.2)),), (Interface("i", ALL_CURVES[0], "air", "air"),), (source,))
+    with pytest.raises(DesignError, match="CustomIndex; a scene file supports only number, table, cauchy, sellmeier"):
         scenes.dumps(scene)
 
 
-def test_a_layer_that_is_no_object_is_reported_with_its_place() -> None:
+def test_reports_position_of_invalid_layer() -> None:
     wrong = data()
     wrong["interfaces"][0]["surface"] = {"coating": {"layers": [1]}}
     line = refused(json.dumps(wrong))

@@ -1,4 +1,4 @@
-"""The scene of a sensor: its regions, its faces and its receivers, matched or behind a gap."""
+"""The scene of a sensor: regions, faces and receivers, matched or behind a gap."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ from solen.spec import Design
 from solen.trace import trace
 
 
-def made(rays: int | None = None, angle_deg: float = 0.0, **tables: Any) -> Scene:
+def scene_of(rays: int | None = None, angle_deg: float = 0.0, **tables: Any) -> Scene:
     design = Design.model_validate({"name": "test", "material": {"index": 1.44}} | tables)
     return sensor_scene(design, y_body(design, lens_of(design, 1.44), angle_deg), optical(design), rays)
 
@@ -25,8 +25,8 @@ def made(rays: int | None = None, angle_deg: float = 0.0, **tables: Any) -> Scen
 GAP = {"coupling": "air-gap", "gap_mm": 0.5}
 
 
-def test_the_body_lies_in_air_and_the_emitter_before_it() -> None:
-    scene = made(material={"index": 1.44, "absorption_per_mm": 0.02}, angle_deg=2.0)
+def test_scene_has_body_in_air_and_emitter_of_design() -> None:
+    scene = scene_of(material={"index": 1.44, "absorption_per_mm": 0.02}, angle_deg=2.0)
     assert scene.regions == (Region("air", 1.0), Region("body", 1.44, 0.02))
     (fan,) = scene.sources
     assert isinstance(fan, Fan)
@@ -35,18 +35,18 @@ def test_the_body_lies_in_air_and_the_emitter_before_it() -> None:
     assert scene.receivers == ("right", "left")
 
 
-def test_the_number_of_rays_can_be_another() -> None:
-    assert made(7).rays == 7
-    assert made(None).rays == 100
+def test_rays_override_number_in_design() -> None:
+    assert scene_of(7).rays == 7
+    assert scene_of(None).rays == 100
 
 
-def test_zero_rays_are_not_the_designs_number() -> None:
+def test_zero_rays_are_refused() -> None:
     with pytest.raises(DesignError, match="source rays = 0"):
-        made(0)
+        scene_of(0)
 
 
-def test_matched_receivers_are_the_arms_ends() -> None:
-    scene = made()
+def test_matched_receivers_are_ends_of_arms() -> None:
+    scene = scene_of()
     for interface in scene.interfaces:
         is_end = interface.name.startswith("receiver-")
         assert (interface.behaviour, interface.receiver) == (
@@ -55,8 +55,8 @@ def test_matched_receivers_are_the_arms_ends() -> None:
         assert (interface.left, interface.right) == ("body", "air")
 
 
-def test_behind_a_gap_the_ends_are_bare_and_receivers_stand_before_them() -> None:
-    scene = made(receivers=GAP)
+def test_receivers_behind_gap_face_bare_ends_of_arms() -> None:
+    scene = scene_of(receivers=GAP)
     faces = {interface.name: interface for interface in scene.interfaces}
     for side in ("right", "left"):
         end, receiver = faces[f"end-{side}"], faces[f"receiver-{side}"]
@@ -70,8 +70,8 @@ def test_behind_a_gap_the_ends_are_bare_and_receivers_stand_before_them() -> Non
 
 
 @pytest.mark.parametrize(("above_mm", "detected"), [(0.25, 1.0), (5.0, 0.0)])
-def test_a_receivers_face_detects_and_its_back_absorbs(above_mm: float, detected: float) -> None:
-    scene = made(receivers=GAP)
+def test_receiver_face_detects_and_back_absorbs(above_mm: float, detected: float) -> None:
+    scene = scene_of(receivers=GAP)
     curve = next(i.curve for i in scene.interfaces if i.name == "receiver-right")
     end = next(i.curve for i in scene.interfaces if i.name == "end-right")
     nx, nz = end.normal_at(end.start)
@@ -85,11 +85,11 @@ def test_a_receivers_face_detects_and_its_back_absorbs(above_mm: float, detected
     assert curve.normal_at(curve.start) == pytest.approx((nx, nz), abs=1e-12)
 
 
-def test_the_signs_are_the_papers() -> None:
-    """−3° brightens the right receiver, with 0.5905 of the rays at most."""
-    right = trace(made(20_000, -3.0))
+def test_signs_agree_with_paper() -> None:
+    """−3° brightens the right receiver, which receives 0.5905 of the rays."""
+    right = trace(scene_of(20_000, -3.0))
     assert right.detectors["right"].power == pytest.approx(0.5905, abs=0.003)
     assert right.detectors["left"].power == 0.0
-    rest = trace(made(20_000))
+    rest = trace(scene_of(20_000))
     assert rest.detectors["right"].power == pytest.approx(0.5905 / 2, abs=0.003)
     assert rest.detectors["left"].power == pytest.approx(rest.detectors["right"].power, abs=1e-3)

@@ -1,4 +1,4 @@
-"""What touches a wall: pads that close, films of air that frustrate total reflection, finishes of a stretch."""
+"""Media in contact with walls: closed pads, films of air with frustrated total reflection, and wall finishes."""
 
 import math
 from typing import Any
@@ -26,28 +26,28 @@ def scene(*walls: dict[str, Any], angle_deg: float = 0.0, **tables: Any) -> Scen
     return Sensor.of(design(*walls, **tables)).scene(angle_deg, RAYS)
 
 
-def edges(found: Scene, word: str) -> list[str]:
-    return [interface.name for interface in found.interfaces if interface.name.endswith(word)]
+def edges(built: Scene, word: str) -> list[str]:
+    return [interface.name for interface in built.interfaces if interface.name.endswith(word)]
 
 
-def test_without_walls_nothing_is_added() -> None:
-    found = scene()
-    assert {region.name for region in found.regions} == {"air", "body"}
-    assert found.wavelengths_nm == ()
-    assert all(interface.surface is None for interface in found.interfaces)
+def test_scene_without_walls_has_no_pads() -> None:
+    built = scene()
+    assert {region.name for region in built.regions} == {"air", "body"}
+    assert built.wavelengths_nm == ()
+    assert all(interface.surface is None for interface in built.interfaces)
 
 
-def test_a_stretch_lies_where_it_was_stated_on_both_sides_alike() -> None:
-    found = scene({"face": "stem-*", "from_mm": 2.0, "to_mm": 6.0, **SKIN})
-    curves = {i.name: i.curve for i in found.interfaces if i.right == "skin" and i.left == "body"}
+def test_treated_part_has_specified_position_on_both_sides() -> None:
+    built = scene({"face": "stem-*", "from_mm": 2.0, "to_mm": 6.0, **SKIN})
+    curves = {i.name: i.curve for i in built.interfaces if i.right == "skin" and i.left == "body"}
     assert set(curves) == {"stem-right.2", "stem-left.2"}
     for curve in curves.values():
         assert Measure(curve).length_mm == pytest.approx(4.0, abs=1e-9)
     right, left = curves["stem-right.2"], curves["stem-left.2"]
     assert left.end == pytest.approx((-right.start[0], right.start[1]), abs=1e-12)
-    rest = Sensor.of(design()).body()
-    first = next(i.curve for i in found.interfaces if i.name == "stem-right.1")
-    assert first.start == rest.face("stem-right").curve.start
+    unturned = Sensor.of(design()).body()
+    first = next(i.curve for i in built.interfaces if i.name == "stem-right.1")
+    assert first.start == unturned.face("stem-right").curve.start
     assert Measure(first).length_mm == pytest.approx(2.0, abs=1e-9)
 
 
@@ -63,26 +63,26 @@ def test_a_stretch_lies_where_it_was_stated_on_both_sides_alike() -> None:
         [{"face": "lens", **SKIN, "depth_mm": 0.05}],
     ],
 )
-def test_pads_are_closed_in_every_state_of_the_motion(kind: str, angle_deg: float, walls: list[dict[str, Any]]) -> None:
-    found = scene(*walls, angle_deg=angle_deg, motion={"kind": kind})  # a scene refuses media that are not closed
-    assert edges(found, "outer edge")
-    traced = trace(found, "power")
+def test_pads_are_closed_in_every_state_of_motion(kind: str, angle_deg: float, walls: list[dict[str, Any]]) -> None:
+    built = scene(*walls, angle_deg=angle_deg, motion={"kind": kind})  # a scene refuses open media
+    assert edges(built, "outer edge")
+    traced = trace(built, "power")
     assert traced.ledger.total == pytest.approx(1.0, abs=1e-9)
     assert traced.undefined == 0
 
 
-def test_neighbouring_stretches_of_one_table_share_a_pad() -> None:
-    together = scene({"face": "[so]*-right", **SKIN})
-    assert edges(together, "first edge") == ["stem-right first edge"]
-    assert edges(together, "last edge") == ["outer-right last edge"]
-    apart = scene({"face": "stem-right", **SKIN}, {"face": "outer-right", "outside": "glue", "index": 1.5})
-    assert edges(apart, "shared edge") == ["outer-right shared edge"]
+def test_neighbouring_faces_of_one_table_share_pad() -> None:
+    shared = scene({"face": "[so]*-right", **SKIN})
+    assert edges(shared, "first edge") == ["stem-right first edge"]
+    assert edges(shared, "last edge") == ["outer-right last edge"]
+    separate = scene({"face": "stem-right", **SKIN}, {"face": "outer-right", "outside": "glue", "index": 1.5})
+    assert edges(separate, "shared edge") == ["outer-right shared edge"]
 
 
-def test_the_last_table_that_covers_a_place_counts() -> None:
+def test_last_table_takes_precedence() -> None:
     mirrored = {"face": "stem-right", "from_mm": 3.0, "to_mm": 5.0, "finish": "mirror"}
-    found = scene({"face": "stem-right", **SKIN}, mirrored)
-    stretches = [i for i in found.interfaces if i.name.startswith("stem-right.") and i.left == "body"]
+    built = scene({"face": "stem-right", **SKIN}, mirrored)
+    stretches = [i for i in built.interfaces if i.name.startswith("stem-right.") and i.left == "body"]
     assert [(stretch.name, stretch.right, stretch.behaviour) for stretch in stretches] == [
         ("stem-right.1", "skin", "refracting"),
         ("stem-right.2", "air", "mirror"),
@@ -90,49 +90,49 @@ def test_the_last_table_that_covers_a_place_counts() -> None:
     ]
 
 
-def test_a_finish_is_that_of_the_scene() -> None:
-    found = scene(
+def test_surfaces_have_specified_treatment() -> None:
+    built = scene(
         {"face": "stem-right", "scatter": "gaussian", "sigma": 0.1, "scatter_share": 0.5},
         {"face": "stem-left", "texture_pitch_um": 25.0, "texture_amplitude_um": 1.0, "texture_direction": "across"},
         {"face": "outer-right", "gap_um": 0.5, "coating": [{"index": 1.38, "thickness_nm": 100.0}], **SKIN},
         {"face": "outer-left", "finish": "mirror", "reflectance": 0.9},
     )
-    surfaces = {interface.name: interface.surface for interface in found.interfaces}
+    surfaces = {interface.name: interface.surface for interface in built.interfaces}
     assert surfaces["stem-right"] == Surface(scatter=Gaussian(0.1, 0.5))
     assert surfaces["stem-left"] == Surface(texture=Texture(25.0, 1.0, "across"))
     assert surfaces["outer-right"] == Surface(coating=Coating((Layer(1.38, 100.0), Layer(1.0, 500.0))))
     assert surfaces["outer-left"] == Surface(reflectance=0.9)
-    assert found.wavelengths_nm == (860.0,)
+    assert built.wavelengths_nm == (860.0,)
 
 
 def received(*walls: dict[str, Any]) -> float:
     return trace(scene(*walls, angle_deg=-1.0), "power").ledger.detected
 
 
-def test_contact_loses_what_total_reflection_kept_and_a_film_of_air_gives_it_back() -> None:
-    """A black pad of the body's own index takes what reaches it; behind a thick film it takes next to nothing."""
+def test_film_of_air_restores_total_reflection_lost_by_contact() -> None:
+    """A black pad with the index of the body absorbs all light that reaches it, but hardly any behind a thick film."""
     pad = {"face": "[so]*-right", "outside": "glue", "index": 1.44}
-    bare, touched = received(), received(pad)
-    assert touched < bare - 0.05
+    bare, in_contact = received(), received(pad)
+    assert in_contact < bare - 0.05
     films = [received({**pad, "gap_um": gap_um}) for gap_um in (1e-4, 0.1, 0.5, 20.0)]
-    assert films[0] == pytest.approx(touched, abs=1e-3)
+    assert films[0] == pytest.approx(in_contact, abs=1e-3)
     assert films == sorted(films)
     assert films[-1] == pytest.approx(bare, abs=2e-3)
 
 
-def test_the_stretch_in_contact_takes_the_light_that_reaches_it() -> None:
-    """What the pad's edges absorb is what the receivers lack, where all else is the same."""
+def test_pad_absorbs_light_that_receivers_lack() -> None:
+    """The light absorbed by the edges of the pad equals the decrease of the detected and escaped light."""
     wall = {"face": "outer-right", "outside": "glue", "index": 1.44}
-    bare, touched = (trace(scene(*walls, angle_deg=-1.0), "power").ledger for walls in ((), (wall,)))
+    bare, in_contact = (trace(scene(*walls, angle_deg=-1.0), "power").ledger for walls in ((), (wall,)))
     assert bare.absorbed == 0.0
-    assert touched.absorbed == pytest.approx(
-        bare.detected + bare.escaped - touched.detected - touched.escaped, abs=1e-9
+    assert in_contact.absorbed == pytest.approx(
+        bare.detected + bare.escaped - in_contact.detected - in_contact.escaped, abs=1e-9
     )
-    assert touched.absorbed > 0.05
+    assert in_contact.absorbed > 0.05
 
 
-def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
-    """A cladding of the body's own index is part of the body: its outer edge reflects as the wall did."""
+def test_light_returns_from_clear_pad() -> None:
+    """A cladding with the index of the body is part of the body: its outer edge reflects as the wall did."""
     wall = {"face": "[so]*-*", "outside": "clad", "index": 1.44, "depth_mm": 0.2}
     black, clear = received(wall), received({**wall, "beyond": "air"})
     assert black < clear - 0.05
@@ -140,7 +140,7 @@ def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("walls", "words"),
+    ("walls", "message"),
     [
         ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; names no wall; the walls are lens, stem-right"),
         ([{"face": "joint-*"}], r"wall\[0\]\.face = 'joint-\*'; names no wall"),
@@ -156,28 +156,30 @@ def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
         ([{"face": "lens", **SKIN}], "reaches into the emitter|radius below"),
     ],
 )
-def test_what_cannot_be_is_refused(walls: list[dict[str, Any]], words: str) -> None:
-    with pytest.raises(DesignError, match=words) as refusal:
+def test_refuses_invalid_walls(walls: list[dict[str, Any]], message: str) -> None:
+    with pytest.raises(DesignError, match=message) as refusal:
         scene(*walls)
     assert len(str(refusal.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("apart_mm", [0.0, 1e-12, 1e-9, 1e-7, -1e-9])
-def test_tables_that_end_at_one_place_but_for_rounding_are_neighbours(apart_mm: float) -> None:
-    other = {"outside": "glue", "index": 1.5}
-    found = scene(
+@pytest.mark.parametrize("gap_mm", [0.0, 1e-12, 1e-9, 1e-7, -1e-9])
+def test_tables_that_meet_within_rounding_are_neighbours(gap_mm: float) -> None:
+    glue = {"outside": "glue", "index": 1.5}
+    built = scene(
         {"face": "stem-right", "from_mm": 2.0, "to_mm": 5.0, **SKIN},
-        {"face": "stem-right", "from_mm": 5.0 + apart_mm, "to_mm": 9.0, **other},
+        {"face": "stem-right", "from_mm": 5.0 + gap_mm, "to_mm": 9.0, **glue},
     )
-    assert len([i for i in found.interfaces if i.name in {f"stem-right.{k}" for k in range(1, 9)}]) == 4
+    assert len([i for i in built.interfaces if i.name in {f"stem-right.{k}" for k in range(1, 9)}]) == 4
 
 
 @pytest.mark.parametrize("angle_deg", [3.0, -3.0])
-def test_a_contact_does_not_slide_along_the_stem_when_the_lens_rises(angle_deg: float) -> None:
+def test_contact_stays_in_place_when_lens_turns(angle_deg: float) -> None:
     wall = {"face": "stem-*", "from_mm": 2.0, "to_mm": 6.0, **SKIN}
-    turned, rest = (scene(wall, angle_deg=angle) for angle in (angle_deg, 0.0))
+    turned, unturned = (scene(wall, angle_deg=angle) for angle in (angle_deg, 0.0))
     for name in ("stem-right.2", "stem-left.2"):
-        here, there = (next(i.curve for i in one.interfaces if i.name == name) for one in (turned, rest))
-        assert math.dist(here.start, there.start) < 1e-9
-        assert math.dist(here.end, there.end) < 1e-9
-        assert np.isfinite(Measure(here).length_mm)
+        curve_turned, curve_at_rest = (
+            next(i.curve for i in state.interfaces if i.name == name) for state in (turned, unturned)
+        )
+        assert math.dist(curve_turned.start, curve_at_rest.start) < 1e-9
+        assert math.dist(curve_turned.end, curve_at_rest.end) < 1e-9
+        assert np.isfinite(Measure(curve_turned).length_mm)

@@ -1,4 +1,4 @@
-"""A search in the background: the front of the command, shown as it grows, and nothing that was traced is lost."""
+"""Background searches: they reach the front of the command, report it as it grows, and keep all traced responses."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from solen.explore.store import Store
 from solen.spec import load
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.search import SearchRequest, adopt, begin, work
+from solen.studio.search import SearchRequest, adopt, start, work
 
 DESIGN = """schema = 1
 name = "a"
@@ -24,7 +24,7 @@ step_deg = 3.0
 [emitter]
 width_mm = 0.2
 """
-SOUGHT = SearchRequest(
+REQUEST = SearchRequest(
     minimise=("abs(null_deg)",),
     maximise=("light",),
     free=("emitter.offset_mm=-0.03:0.03", "lens.focus_mm=15:25"),
@@ -39,7 +39,7 @@ def document(tmp_path: Path) -> Document:
     return Document(tmp_path / "a.toml")
 
 
-def waited(job: Job, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+def wait_for(job: Job, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
     for _ in range(6000):
         if until(head := job.head()):
             return head
@@ -47,64 +47,64 @@ def waited(job: Job, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
     raise AssertionError("it never came")
 
 
-def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Document) -> None:
+def test_cancelled_search_continues_to_front_of_command(document: Document) -> None:
     document.change({"emitter.offset_mm": 0.02})
-    began = document.state
-    begin(document, SOUGHT)
+    start_state = document.state
+    start(document, REQUEST)
     with pytest.raises(SpecError, match="running"):
-        begin(document, SOUGHT)
-    first = document.search
-    assert first is not None
-    seen = waited(first.job, lambda head: head["rows"] and head["share"] > 0.2)
-    assert seen["state"] == "running", seen
-    first.job.cancel()
-    assert first.job.state == "cancelled"
-    assert first.job.head()["rows"], "what was reached stays"
-    traced = len(Store(first.folder).points)
-    assert traced > 0, "and what was traced"
+        start(document, REQUEST)
+    search = document.search
+    assert search is not None
+    head = wait_for(search.job, lambda head: head["rows"] and head["share"] > 0.2)
+    assert head["state"] == "running", head
+    search.job.cancel()
+    assert search.job.state == "cancelled"
+    assert search.job.head()["rows"], "the designs found so far are kept"
+    traced = len(Store(search.folder).points)
+    assert traced > 0, "the traced responses are kept"
 
-    number = first.job.head()["rows"][0]["number"]
+    number = search.job.head()["rows"][0]["number"]
     document.change({"material.index": 1.5})
-    taken = adopt(document, number)
-    assert taken.changes == {**began.changes, **first.chosen(number)}
-    assert taken.design.material.index == 1.44, "the design that was found, whatever was changed since"
+    opened_state = adopt(document, number)
+    assert opened_state.changes == {**start_state.changes, **search.values_of(number)}
+    assert opened_state.design.material.index == 1.44, "the design on the front, without later changes"
     assert document.step(-1).design.material.index == 1.5
 
     document.step(-1)
-    done = work(lambda **_: None, began.design, SOUGHT.options(Path()), first.folder)
-    exact = optimise(began.design, SOUGHT.options(Path()), Store(first.folder))
-    assert isinstance(exact, Front)
-    assert exact.traced == 0, "the same search"
-    assert done["traced"] <= len(Store(first.folder).points) - traced
-    assert [row["goals"] for row in done["rows"]] == [one.goals for one in exact.designs]
-    first.job.news |= {"rows": done["rows"]}
-    assert adopt(document, 1).design == exact.designs[0].design
+    content = work(lambda **_: None, start_state.design, REQUEST.options(Path()), search.folder)
+    reference = optimise(start_state.design, REQUEST.options(Path()), Store(search.folder))
+    assert isinstance(reference, Front)
+    assert reference.traced == 0, "the search is identical"
+    assert content["traced"] <= len(Store(search.folder).points) - traced
+    assert [row["goals"] for row in content["rows"]] == [design.goals for design in reference.designs]
+    search.job.status |= {"rows": content["rows"]}
+    assert adopt(document, 1).design == reference.designs[0].design
     document.save()
-    assert load(document.path) == exact.designs[0].design
+    assert load(document.path) == reference.designs[0].design
 
 
 @pytest.mark.parametrize(
-    ("asked", "named"), [({"free": ("lens.focus=1:2",)}, "lens.focus"), ({"minimise": ("price",)}, "price")]
+    ("changes", "message"), [({"free": ("lens.focus=1:2",)}, "lens.focus"), ({"minimise": ("price",)}, "price")]
 )
-def test_what_cannot_be_sought_is_refused_at_once(document: Document, asked: dict[str, Any], named: str) -> None:
-    with pytest.raises(SpecError, match=named):
-        begin(document, SOUGHT.model_copy(update=asked))
+def test_refuses_invalid_search_at_once(document: Document, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SpecError, match=message):
+        start(document, REQUEST.model_copy(update=changes))
     assert document.search is None
     with pytest.raises(SpecError, match="front"):
         adopt(document, 1)
 
 
-def test_what_fails_in_a_search_is_said(document: Document) -> None:
-    sought = SOUGHT.model_copy(update={"subject_to": ("light > 2",), "maximise": (), "evaluations": 20})
+def test_reports_failure_of_search(document: Document) -> None:
+    request = REQUEST.model_copy(update={"subject_to": ("light > 2",), "maximise": (), "evaluations": 20})
     with pytest.raises(SolenError, match="light > 2"):
-        work(lambda **_: None, document.state.design, sought.options(Path()), document.path.parent / "kept")
+        work(lambda **_: None, document.state.design, request.options(Path()), document.path.parent / "kept")
 
 
-def test_a_search_may_be_robust_and_as_printed(document: Document) -> None:
-    asked = {"minimise": ("linearity_percent",), "free": ("lens.focus_mm=15:25",), "evaluations": 20}
+def test_search_may_be_robust_and_as_printed(document: Document) -> None:
+    changes = {"minimise": ("linearity_percent",), "free": ("lens.focus_mm=15:25",), "evaluations": 20}
     with pytest.raises(SolenError, match=r"none\.toml"):
-        begin(document, SearchRequest(**asked, as_printed=True, process="none.toml"))
-    begin(document, SearchRequest(**asked, robust=("emitter.offset_mm=0.02",)))
+        start(document, SearchRequest(**changes, as_printed=True, process="none.toml"))
+    start(document, SearchRequest(**changes, robust=("emitter.offset_mm=0.02",)))
     assert document.search is not None
     document.search.job.cancel()
     assert "--robust emitter.offset_mm=0.02" in document.search.job.head()["shell"]

@@ -1,4 +1,4 @@
-"""Tabs: what a page asks of a command is the command, from the command line and in Python as well."""
+"""Tabs: requests from a page give the same results as the command line and Python."""
 
 import json
 import shlex
@@ -14,25 +14,25 @@ from solen.cli.design.studio import printed
 from solen.errors import OutputError, SolenError, SpecError
 from solen.samples import FOLDER
 from solen.studio import storage, tabs
-from solen.studio.calls import Call, perform
+from solen.studio.calls import Call, run_call
 from solen.studio.document import Document
 from solen.studio.jobs import Job
 from solen.studio.storage import JOB, Storage, safe_name
-from solen.studio.workspace import Order, Workspace
+from solen.studio.workspace import CommandRequest, Workspace
 
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
-    """Desk of a design, onto which files were dropped."""
-    made = Workspace(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
-    made.document.save()
-    kept = made.storage.folder
-    kept.mkdir()
+    """Workspace of a design with dropped files."""
+    workspace = Workspace(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
+    workspace.document.save()
+    stored = workspace.storage.folder
+    stored.mkdir()
     for name in ("layer", "exposures", "absorbance", "cube", "discs", "guides"):
-        (kept / f"{name}.csv").write_bytes((FOLDER / f"{name}-simulated.csv").read_bytes())
-    (kept / "lens.ome.tif").write_bytes((FOLDER / "lens-simulated.ome.tif").read_bytes())
-    (kept / "notes.csv").write_text("apples,pears\n1,2\n2,3\n3,5\n")
-    return made
+        (stored / f"{name}.csv").write_bytes((FOLDER / f"{name}-simulated.csv").read_bytes())
+    (stored / "lens.ome.tif").write_bytes((FOLDER / "lens-simulated.ome.tif").read_bytes())
+    (stored / "notes.csv").write_text("apples,pears\n1,2\n2,3\n3,5\n")
+    return workspace
 
 
 ASKED: dict[str, dict[str, Any]] = {
@@ -48,10 +48,10 @@ ASKED: dict[str, dict[str, Any]] = {
 }
 
 
-def called(workspace: Workspace, command: str, asked: Mapping[str, Any], folder: Path) -> Call:
-    """The call of what a page asks."""
+def call_of(workspace: Workspace, command: str, values: Mapping[str, Any], folder: Path) -> Call:
+    """The call for a request from a page."""
     folder.mkdir(exist_ok=True)
-    return tabs.offer(command).call(asked, workspace.storage.path, folder, workspace.document.path)
+    return tabs.command(command).call(values, workspace.storage.path, folder, workspace.document.path)
 
 
 def without_files(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,97 +59,95 @@ def without_files(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("command", ASKED)
-def test_a_tab_shows_what_the_command_answers(
+def test_tab_result_equals_that_of_command(
     command: str, workspace: Workspace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call = called(workspace, command, ASKED[command], tmp_path / "a")
-    told: list[Any] = []
-    found = perform(lambda **news: told.append(news), call, printed)
-    json.dumps(found["result"], allow_nan=False)
+    call = call_of(workspace, command, ASKED[command], tmp_path / "a")
+    reports: list[Any] = []
+    content = run_call(lambda **status: reports.append(status), call, printed)
+    json.dumps(content["result"], allow_nan=False)
     figure = (tmp_path / "a" / "figure.svg").read_bytes()
 
     assert run_command([*shlex.split(call.shell)[1:], "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert found["result"] == answer, "each number"
+    printed_result = json.loads(capsys.readouterr().out)
+    assert content["result"] == printed_result, "each number"
     assert (tmp_path / "a" / "figure.svg").read_bytes() == figure
 
 
-def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
+def test_lines_and_python_script_agree_with_command(
     workspace: Workspace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call = called(workspace, "resin cure", ASKED["resin cure"], tmp_path / "a")
-    lines = perform(lambda **_: None, call, printed)["lines"]
+    call = call_of(workspace, "resin cure", ASKED["resin cure"], tmp_path / "a")
+    lines = run_call(lambda **_: None, call, printed)["lines"]
     assert run_command(shlex.split(call.shell)[1:]) == 0
     assert capsys.readouterr().out.splitlines()[: len(lines)] == lines
     names: dict[str, Any] = {}
-    exec(call.python, names)  # noqa: S102  what a page offers to copy
+    exec(call.python, names)  # noqa: S102  the script shown on the page
     assert names["found"].result.Dp_um > 0.0
     assert "\n".join(printed("resin cure", names["found"].result)) == "\n".join(lines)
 
 
-def test_the_log_of_tuned_prints_is_beside_the_design_and_all_else_apart(workspace: Workspace) -> None:
+def test_only_tuning_log_is_written_next_to_design(workspace: Workspace) -> None:
     folder = workspace.storage.folder / "tune-1"
-    call = called(workspace, "print tune", {"image": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
+    call = call_of(workspace, "print tune", {"image": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
     assert call.values["log"] == workspace.document.path.with_name("sensor-tuning.json")
     assert (call.values["design"], call.values["out"]) == (workspace.document.path, folder)
     assert call.shell.endswith(
         f"--sheet-only --log {call.values['log']} --no-response --figure {folder / 'figure.svg'}"
     )
-    assert tabs.commands_for("print", workspace.storage.path("lens.ome.tif")) == ("print tune",)
+    assert tabs.suitable_commands("print", workspace.storage.path("lens.ome.tif")) == ("print tune",)
 
 
-def test_layers_are_shown_from_the_archive_and_nothing_else_is(
-    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_serves_only_layers_in_archive(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = workspace.storage.folder / "layers-1"
-    found = perform(lambda **_: None, called(workspace, "print layers", ASKED["print layers"], folder), None)
+    content = run_call(lambda **_: None, call_of(workspace, "print layers", ASKED["print layers"], folder), None)
     job = Job(1, "print layers", {}, workspace.document.jobs)
-    job.news |= found
+    job.status |= content
     monkeypatch.setattr(workspace.document.jobs, "all", [job])
-    rows = json.loads(workspace.inside(1, "layers", "job.json"))["layers"]
-    assert len(rows) == found["result"]["layers"]
-    assert workspace.inside(1, "layers", rows[0]["file"]).startswith(b"\x89PNG")
+    rows = json.loads(workspace.member(1, "layers", "job.json"))["layers"]
+    assert len(rows) == content["result"]["layers"]
+    assert workspace.member(1, "layers", rows[0]["file"]).startswith(b"\x89PNG")
     for name, part in (("layers", "../job.json"), ("placed", "1.png"), ("out", "1.png")):
         with pytest.raises(SpecError):
-            workspace.inside(1, name, part)
+            workspace.member(1, name, part)
 
 
-def test_what_a_job_wrote_is_there_again_after_the_studio_ended(tmp_path: Path) -> None:
+def test_finished_jobs_are_restored_in_new_session(tmp_path: Path) -> None:
     workspace = Workspace(Document(tmp_path / "sensor.toml"))
     folder = workspace.storage.new_folder("show")
     about = {"label": "Show a resin", "folder": folder.name, "shell": "", "python": ""}
-    call = called(workspace, "resin show", {"name": "pmma"}, folder)
-    found = perform(lambda **_: None, call, printed, about, folder / JOB)
-    again = Workspace(Document(tmp_path / "sensor.toml"))
-    (job,) = again.document.jobs.all
+    call = call_of(workspace, "resin show", {"name": "pmma"}, folder)
+    content = run_call(lambda **_: None, call, printed, about, folder / JOB)
+    reopened = Workspace(Document(tmp_path / "sensor.toml"))
+    (job,) = reopened.document.jobs.all
     assert job.head()["label"] == "Show a resin"
-    assert (job.state, job.result) == ("done", found["result"])
-    assert again.file_of(1, "figure").exists()
-    assert again.storage.names() == []
+    assert (job.state, job.result) == ("done", content["result"])
+    assert reopened.file_of(1, "figure").exists()
+    assert reopened.storage.names() == []
     for text in ("{", '{"name": "a", "about": {}, "news": {"files": {"a": "/etc/passwd"}}}'):
         (folder / JOB).write_text(text)
         assert Workspace(Document(tmp_path / "sensor.toml")).document.jobs.all == []
 
 
-def test_a_design_that_is_not_saved_is_no_design_of_a_command(tmp_path: Path) -> None:
+def test_command_requires_saved_design(tmp_path: Path) -> None:
     workspace = Workspace(Document(tmp_path / "sensor.toml"))
     with pytest.raises(SpecError, match="save the design"):
-        workspace.begin(Order(command="export"))
+        workspace.start(CommandRequest(command="export"))
 
 
-def test_a_resin_of_results_is_saved_beside_the_design(workspace: Workspace) -> None:
-    kept = workspace.storage.folder
-    perform(lambda **_: None, called(workspace, "resin cutback", ASKED["resin cutback"], kept / "cutback-1"), None)
+def test_resin_built_from_results_is_saved_next_to_design(workspace: Workspace) -> None:
+    stored = workspace.storage.folder
+    run_call(lambda **_: None, call_of(workspace, "resin cutback", ASKED["resin cutback"], stored / "cutback-1"), None)
     assert "cutback-1/cutback.json" in workspace.storage.names()
-    asked = {"name": "my resin", "cutback": "cutback-1/cutback.json"}
-    call = called(workspace, "resin build", asked, kept / "build-1")
-    perform(lambda **_: None, call, printed)
+    values = {"name": "my resin", "cutback": "cutback-1/cutback.json"}
+    call = call_of(workspace, "resin build", values, stored / "build-1")
+    run_call(lambda **_: None, call, printed)
     file = workspace.document.path.with_name("my resin.toml")
-    assert f"--cutback {kept / 'cutback-1' / 'cutback.json'}" in call.shell
+    assert f"--cutback {stored / 'cutback-1' / 'cutback.json'}" in call.shell
     workspace.document.change({"material.index": 1.5})
     workspace.document.change({"material.resin": "pmma", "material.index": None})
     with pytest.raises(OutputError, match="exists"):
-        perform(lambda **_: None, call, None)
+        run_call(lambda **_: None, call, None)
     assert file.exists()
 
 
@@ -160,18 +158,18 @@ def test_a_resin_of_results_is_saved_beside_the_design(workspace: Workspace) -> 
         *(("absorbance", "penetration"), ("cube", "stiffness"), ("exposures", "exposures")),
     ],
 )
-def test_the_kind_of_a_file_is_detected(workspace: Workspace, name: str, first: str) -> None:
-    assert workspace.commands_for("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
+def test_detects_commands_for_file(workspace: Workspace, name: str, first: str) -> None:
+    assert workspace.suitable_commands("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
 
 
-def test_what_is_of_no_kind_is_refused_by_its_columns(workspace: Workspace) -> None:
-    told = workspace.commands_for("resin", "notes.csv")
-    assert told["suits"] == ()
-    assert "apples, pears" in told["why"]
+def test_reports_columns_of_unsuitable_file(workspace: Workspace) -> None:
+    reports = workspace.suitable_commands("resin", "notes.csv")
+    assert reports["suits"] == ()
+    assert "apples, pears" in reports["why"]
 
 
 @pytest.mark.parametrize(
-    ("asked", "named"),
+    ("values", "message"),
     [
         ({}, "discs"),
         ({"files": ["../sensor.toml"]}, "sensor.toml"),
@@ -182,25 +180,23 @@ def test_what_is_of_no_kind_is_refused_by_its_columns(workspace: Workspace) -> N
         ({"files": ["discs.csv"], "penetration": "/etc/passwd"}, "passwd"),
     ],
 )
-def test_what_a_command_cannot_take_is_refused_before_it_begins(
-    workspace: Workspace, asked: dict[str, Any], named: str
-) -> None:
+def test_refuses_invalid_values_before_start(workspace: Workspace, values: dict[str, Any], message: str) -> None:
     before = workspace.storage.names()
-    with pytest.raises(SpecError, match=named):
-        workspace.begin(Order(command="resin cure", asked=asked))
+    with pytest.raises(SpecError, match=message):
+        workspace.start(CommandRequest(command="resin cure", asked=values))
     assert workspace.storage.names() == before
     assert not list(workspace.storage.folder.glob("cure-*"))
     assert workspace.document.jobs.all == []
 
 
-def test_no_other_command_is_offered() -> None:
+def test_only_commands_of_tabs_are_available() -> None:
     for name in ("studio", "doctor", "resin", ""):
         with pytest.raises(SpecError):
-            tabs.offer(name)
+            tabs.command(name)
 
 
 @pytest.mark.parametrize(
-    ("name", "kept"),
+    ("name", "stored"),
     [
         ("discs.csv", "discs.csv"),
         ("../../etc/passwd", "passwd"),
@@ -214,28 +210,28 @@ def test_no_other_command_is_offered() -> None:
         ("x" * 300 + ".csv", "x" * 80 + ".csv"),
     ],
 )
-def test_a_name_leads_nowhere(name: str, kept: str) -> None:
-    assert safe_name(name) == kept
+def test_safe_name_contains_no_path(name: str, stored: str) -> None:
+    assert safe_name(name) == stored
 
 
 @pytest.mark.parametrize("name", tabs.TABS)
-def test_options_that_come_first_exist(name: str) -> None:
-    for offer in tabs.offers_of(name):
-        assert set(offer.first) <= offer.form()["fields"].keys(), offer.name
+def test_first_options_exist_in_form(name: str) -> None:
+    for command in tabs.commands_of(name):
+        assert set(command.first) <= command.form()["fields"].keys(), command.name
 
 
-def test_dropped_files_are_kept_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = Storage(tmp_path / "kept")
+def test_dropped_files_are_kept_completely_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stored = Storage(tmp_path / "kept")
 
-    async def parts(*some: bytes) -> AsyncIterator[bytes]:
-        for part in some:
+    async def parts(*chunks: bytes) -> AsyncIterator[bytes]:
+        for part in chunks:
             yield part
 
-    def keep(name: str, *some: bytes) -> str:
-        return anyio.run(lambda: kept.keep(name, parts(*some)))
+    def keep(name: str, *chunks: bytes) -> str:
+        return anyio.run(lambda: stored.keep(name, parts(*chunks)))
 
     assert keep("a.csv", b"1", b"2") == "a.csv"
-    assert keep("../a.csv", b"12") == "a.csv", "the same content"
+    assert keep("../a.csv", b"12") == "a.csv", "same content"
     assert keep("a.csv", b"3") == "a-2.csv"
     monkeypatch.setattr(storage, "MAX_FILE_BYTES", 3)
     with pytest.raises(SolenError, match="larger"):

@@ -421,7 +421,7 @@ def test_nothing_escapes_from_a_closed_square_of_mirrors(tracer: Tracer) -> None
 
 @pytest.mark.parametrize("z", [0.0, 1e-10])
 def test_a_monitor_on_an_interface_is_refused(z: float) -> None:
-    with pytest.raises(DesignError, match="monitor m = 'lies on interface front'"):
+    with pytest.raises(DesignError, match="monitor m; must not overlap an interface, but lies on front"):
         scene(line("front", 0.0, "glass", "air"), monitors=(Monitor("m", (-9.0, z), (9.0, z)),))
 
 

@@ -299,9 +299,9 @@ def test_the_power_of_a_bare_surface_is_fresnels() -> None:
 
 
 REFUSED: list[tuple[dict[str, object], str]] = [
-    ({"behaviour": "lens"}, "needs surface.focal_mm"),
-    ({"behaviour": "splitter"}, "requires a surface"),
-    ({"behaviour": "absorbing", "surface": Surface(scatter=Lambertian())}, "no scatter, texture or coating"),
+    ({"behaviour": "lens"}, r"surface\.focal_mm; is required by a lens"),
+    ({"behaviour": "splitter"}, "is required by a splitter"),
+    ({"behaviour": "absorbing", "surface": Surface(scatter=Lambertian())}, "cannot scatter or have a coating"),
     ({"surface": Surface(focal_mm=3.0)}, "does not apply to behaviour refracting"),
     (
         {"behaviour": "mirror", "surface": Surface(coating=Coating((Layer(1.4, 1.0),)))},

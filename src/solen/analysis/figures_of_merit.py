@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.analysis.response import Curve, Passes, mean_curve
-from solen.arrays import BoolArray, FloatArray, stretches
-from solen.plane import off_a_line
+from solen.arrays import BoolArray, FloatArray, flag_runs
+from solen.plane import deviation_from_line
 from solen.recording.stimulus import NEAR_ZERO_DEG
 
 _END = 0.1  # fraction of the range at each end over which the levels of the swing are averaged
@@ -199,7 +199,7 @@ def receiver_response(
 
 def _hidden_intervals(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
     """First and last angle of each hidden interval."""
-    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
+    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in flag_runs(hidden))
 
 
 def _levels(cycles: FloatArray) -> FloatArray:
@@ -269,7 +269,7 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
     slope = _slope(x, y, np.ones(x.size, dtype=bool))
     weights = _weights(x)
     residual = y - weights @ y - slope * (x - weights @ x)
-    return off_a_line(x, y), float(np.abs(residual).max())
+    return deviation_from_line(x, y), float(np.abs(residual).max())
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:

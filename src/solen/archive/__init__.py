@@ -1,8 +1,8 @@
-"""Archive of one sensor to be shared: design, resin, print, images, recordings, calibration and figures.
+"""Archives of one sensor, for sharing: design, resin, print, images, recordings, calibration and figures.
 
 An archive is a folder or a zip file with a description of its contents as RO-Crate metadata: size, SHA-256 checksum,
 kind and quantities with units for each file, and authors and licence for the entire archive. Each file is read once
-with solen's own readers when packed, and everything is checked again when unpacked elsewhere.
+with the readers of solen when it is packed, and everything is checked again when the archive is unpacked.
 
 `pack` collects and describes files, and `Archive.save` writes them; `opened` checks a received archive, and
 `Opened.save` unpacks it.

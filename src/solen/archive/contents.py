@@ -1,4 +1,4 @@
-"""Description of a file in an archive: its kind, checksum and quantities, determined with solen's own readers."""
+"""Description of a file in an archive: its kind, checksum and quantities, determined with the readers of solen."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ TABLES: tuple[tuple[str, Callable[[Path], Any]], ...] = (
     ("printer", load_printer),
     ("part", load_part),
 )
-"""Kinds of TOML files, and the functions that read them."""
+"""Kinds of TOML files, with the functions that read them."""
 
 
 class Item(Result):
@@ -44,17 +44,17 @@ class Item(Result):
     path
         Path within the archive, with forward slashes.
     kind
-        ``design``, ``resin``, ``recording``, ``image``, a kind of solen result, or ``other file``.
+        ``design``, ``resin``, ``recording``, ``image``, another kind of solen file, or ``other file``.
     size_bytes, sha256
         Size and checksum of the file.
     media_type
         Media type: ``text/csv``.
     quantities
-        Unit of each column of a recording, by column name; empty if the file contains no units.
+        Units of the columns of a recording, keyed by column; empty if the file contains none.
     simulated
         Whether the file states that its numbers were computed rather than measured.
     remark
-        Why the file could not be read as the kind that its name suggests; empty if it could.
+        Why the file could not be read as the kind that its name suggests; otherwise empty.
     """
 
     path: str
@@ -68,7 +68,7 @@ class Item(Result):
 
 
 class Contents(Result):
-    """Contents of an archive description: name, text, licence (SPDX name or address), authors and files."""
+    """Contents of an archive: name, description, licence (SPDX name or address), authors and files."""
 
     name: str
     description: str
@@ -78,7 +78,7 @@ class Contents(Result):
 
     @reported
     def size_bytes(self) -> int:
-        """Total size of all files, unpacked."""
+        """Total size of all files after unpacking."""
         return sum(item.size_bytes for item in self.items)
 
     @reported
@@ -88,12 +88,12 @@ class Contents(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Remarks on files that could not be read as the kind that their name suggests."""
+        """Warnings for files that could not be read as the kind that their name suggests."""
         return tuple(prefixed(item.path, warning(item.remark)) for item in self.items if item.remark)
 
 
 def described(file: Path, path: PurePosixPath) -> Item:
-    """Return the description of a file for its path in an archive.
+    """Return the description of a file that has a given path in an archive.
 
     Raises
     ------
@@ -101,14 +101,14 @@ def described(file: Path, path: PurePosixPath) -> Item:
         If the file cannot be read, or its own checksum shows that it is damaged.
     """
     check_seal(file, DataError)
-    kind, quantities, simulated, remark = _known(file)
+    kind, quantities, simulated, remark = _classified(file)
     size, sha256 = measured(file)
     media = mimetypes.guess_type(path.name, strict=False)[0] or "application/octet-stream"
     return Item(str(path), kind, size, sha256, media, quantities, simulated, remark)
 
 
 def measured(file: Path) -> tuple[int, str]:
-    """Return size and SHA-256 checksum of a file; raise `DataError` if it cannot be read."""
+    """Return the size and SHA-256 checksum of a file; raise `DataError` if it cannot be read."""
     try:
         with file.open("rb") as opened:
             checksum = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -118,15 +118,15 @@ def measured(file: Path) -> tuple[int, str]:
         raise DataError(str(file), limit=limit, remedy="check the path and its permissions") from None
 
 
-def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Return kind, units by quantity, whether the file is simulated, and a remark."""
-    ending = file.suffix.lower()
-    for kind, endings in (("image", IMAGES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
-        if ending in endings:
+def _classified(file: Path) -> tuple[str, dict[str, str], bool, str]:
+    """Return the kind, the units keyed by quantity, whether the file is simulated, and a remark."""
+    suffix = file.suffix.lower()
+    for kind, suffixes in (("image", IMAGES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
+        if suffix in suffixes:
             return kind, {}, "simulated" in file.name.lower(), ""
-    if ending == ".toml":
+    if suffix == ".toml":
         return _of_toml(file)
-    if ending == ".json":
+    if suffix == ".json":
         return _of_json(file)
     try:
         return ("recording", *_of_recording(read(file)), "")
@@ -139,23 +139,23 @@ def _of_recording(recording: Recording) -> tuple[dict[str, str], bool]:
 
 
 def _of_toml(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    first = ""
+    first_error = ""
     for kind, load in TABLES:
         try:
-            found = load(file)
+            loaded = load(file)
         except SolenError as bad:
-            first = first or str(bad)
+            first_error = first_error or str(bad)
         else:
-            return kind, {}, bool(getattr(found, "simulated", False)), ""
-    return OTHER, {}, False, f"is not a design, resin, rig, protocol, printer or part; as a design: {first}"
+            return kind, {}, bool(getattr(loaded, "simulated", False)), ""
+    return OTHER, {}, False, f"is not a design, resin, rig, protocol, printer or part; read as a design: {first_error}"
 
 
 def _of_json(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Return the description of a JSON file; solen results name their kind."""
+    """Return the description of a JSON file; results of solen contain their kind."""
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as bad:
-        return OTHER, {}, False, f"{file}; is not JSON: {bad}"
+        return OTHER, {}, False, f"{file}; is not valid JSON: {bad}"
     if not isinstance(data, dict):
         return OTHER, {}, False, ""
     kind = data.get("kind", data.get("solen", "scene" if "solen_scene" in data else OTHER))

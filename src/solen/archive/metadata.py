@@ -20,7 +20,7 @@ from solen.errors import DataError, SpecError
 NAME = "ro-crate-metadata.json"
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
 PROFILE = "https://w3id.org/ro/crate/1.1"
-OWN = "https://w3id.org/ro/terms/solen#"
+SOLEN_TERMS = "https://w3id.org/ro/terms/solen#"
 LICENCES = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
     "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
@@ -29,7 +29,7 @@ LICENCES = {
     "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
     "MIT": "https://opensource.org/licenses/MIT",
 }
-"""Licence addresses by SPDX name; any other licence is specified by its address."""
+"""Licence addresses, keyed by SPDX name; any other licence is specified by its address."""
 SHA256 = r"^[0-9a-f]{64}$"
 _ORCID = re.compile(r"(?:https://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])")
 
@@ -43,18 +43,18 @@ class Author:
 
     @classmethod
     def of(cls, text: str) -> "Author":
-        """Return the author in ``Name`` or ``Name <ORCID>``; raises `SpecError` if the identifier is not valid."""
-        name, _, rest = text.partition("<")
-        given = rest.rstrip(" >")
-        match = _ORCID.fullmatch(given.strip())
-        if not name.strip() or (given and not (match and _check_digit(match[1]))):
+        """Return the author in ``Name`` or ``Name <ORCID>``; raise `SpecError` if the identifier is invalid."""
+        name, _, remainder = text.partition("<")
+        identifier = remainder.rstrip(" >")
+        match = _ORCID.fullmatch(identifier.strip())
+        if not name.strip() or (identifier and not (match and _check_digit(match[1]))):
             limit, remedy = "must be a name, or a name with a valid ORCID", 'write "NAME" or "NAME <ORCID>"'
             raise SpecError("--author", value=text, limit=limit, remedy=remedy)
         return cls(name.strip(), match[1] if match else "")
 
 
 def _check_digit(orcid: str) -> bool:
-    """Return whether the last digit of an identifier is its check digit according to ISO 7064 mod 11-2."""
+    """Return whether the last digit of an identifier is the check digit according to ISO 7064 mod 11-2."""
     total = 0
     for digit in orcid.replace("-", "")[:-1]:
         total = (total + int(digit)) * 2
@@ -62,7 +62,7 @@ def _check_digit(orcid: str) -> bool:
 
 
 def licence_of(text: str) -> str:
-    """Return the address of a licence, specified by SPDX name or address; raises `SpecError` if it is neither."""
+    """Return the address of a licence, given its SPDX name or address; raise `SpecError` if it is neither."""
     if text in LICENCES:
         return LICENCES[text]
     if re.fullmatch(r"https?://\S+", text):
@@ -88,13 +88,14 @@ def dumps(
         {"@id": NAME, "@type": "CreativeWork", "about": {"@id": "./"}, "conformsTo": {"@id": PROFILE}},
         root,
         {"@id": licence, "@type": "CreativeWork", "name": licence_name(licence)},
-        *({"@type": "Person", "name": author.name} | place for author, place in zip(authors, people, strict=True)),
+        *({"@type": "Person", "name": author.name} | person for author, person in zip(authors, people, strict=True)),
         {"@id": "#solen", "@type": "SoftwareApplication", "name": "solen", "version": version},
         {"@id": "#packed", "@type": "CreateAction", "instrument": {"@id": "#solen"}, "result": {"@id": "./"}},
     ]
     for item in items:
         entities += _file(item)
-    context = [CONTEXT, {"sha256": "http://schema.org/sha256", "kind": f"{OWN}kind", "simulated": f"{OWN}simulated"}]
+    terms = {name: f"{SOLEN_TERMS}{name}" for name in ("kind", "simulated")}
+    context = [CONTEXT, {"sha256": "http://schema.org/sha256"} | terms]
     return json.dumps({"@context": context, "@graph": entities}, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -110,8 +111,8 @@ def _file(item: Item) -> Iterator[dict[str, Any]]:
 
 
 def licence_name(address: str) -> str:
-    """Return the SPDX name of a licence address, or the address if the name is unknown."""
-    return next((name for name, known in LICENCES.items() if known == address), address)
+    """Return the SPDX name of a licence, given its address, or the address if the name is unknown."""
+    return next((name for name, licence_address in LICENCES.items() if licence_address == address), address)
 
 
 class _Entity(BaseModel):
@@ -123,7 +124,7 @@ class _Reference(_Entity):
 
 
 class _File(_Entity):
-    """Entity of a file, with the fields that are checked."""
+    """Entity of a file, with the fields that are read."""
 
     type: Literal["File"] = Field(alias="@type")
     size_bytes: Annotated[int, Field(ge=0, alias="contentSize")]
@@ -143,7 +144,7 @@ class _Root(_Entity):
 
 
 def loads(text: str, what: str) -> Contents:
-    """Return the metadata in a text; raises `DataError` unless it is RO-Crate metadata with checksums from `dumps`."""
+    """Return the contents described by metadata; raise `DataError` unless they are RO-Crate metadata from `dumps`."""
     try:
         graph = json.loads(text)["@graph"]
         entities: Mapping[str, Any] = {entity["@id"]: entity for entity in graph}
@@ -152,21 +153,21 @@ def loads(text: str, what: str) -> Contents:
         limit, remedy = "is not RO-Crate metadata", "pack the files again with solen project pack"
         raise DataError(what, limit=limit, remedy=remedy) from None
     try:
-        stated = _Root.model_validate(root)
-        files = [(unquote(part.id), _File.model_validate(entities.get(part.id, {}))) for part in stated.parts]
+        dataset = _Root.model_validate(root)
+        files = [(unquote(part.id), _File.model_validate(entities.get(part.id, {}))) for part in dataset.parts]
     except ValidationError as bad:
         first = bad.errors()[0]
         key, limit = ".".join(map(str, first["loc"])), first["msg"].lower()
         raise DataError(f"{what}: {key}", limit=limit, remedy="pack the files again with solen project pack") from None
-    people = [entities.get(author.id, {}).get("name", author.id) for author in stated.authors]
+    people = [entities.get(author.id, {}).get("name", author.id) for author in dataset.authors]
     items = tuple(
         Item(
-            path, one.kind, one.size_bytes, one.sha256, one.media_type,
-            dict(_quantity(entities.get(ref.id, {})) for ref in one.quantities), one.simulated,
+            path, file.kind, file.size_bytes, file.sha256, file.media_type,
+            dict(_quantity(entities.get(ref.id, {})) for ref in file.quantities), file.simulated,
         )
-        for path, one in files
+        for path, file in files
     )  # fmt: skip
-    return Contents(stated.name, stated.description, licence_name(stated.licence.id), tuple(map(str, people)), items)
+    return Contents(dataset.name, dataset.description, licence_name(dataset.licence.id), tuple(map(str, people)), items)
 
 
 def _quantity(entity: Mapping[str, Any]) -> tuple[str, str]:

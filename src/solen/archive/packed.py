@@ -1,4 +1,4 @@
-"""Collection of the files of a sensor, which are written with their description as a folder or a zip file."""
+"""Collect the files of a sensor, and write them with their description as a folder or a zip file."""
 
 import hashlib
 import posixpath
@@ -23,7 +23,7 @@ from solen.spec.strict import Options
 
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of all entries in a zip file, so that equal contents give equal files."""
-BESIDE = "files"
+EXTERNAL_FOLDER = "files"
 """Archive folder for files from outside the design folder."""
 CHUNK = 1 << 20
 
@@ -43,14 +43,14 @@ class PackOptions(Options):
 
 @dataclass(frozen=True)
 class Member:
-    """A file of an archive: description, location and, if different, content."""
+    """A file of an archive: its description, its location, and its content if that differs from the file."""
 
     item: Item
     file: Path
     content: bytes | None = None
 
     def copy(self, target: IO[bytes]) -> None:
-        """Write the content; raises `DataError` if it has changed since it was described."""
+        """Write the content; raise `DataError` if it has changed since it was described."""
         checksum = hashlib.sha256()
         with BytesIO(self.content) if self.content is not None else self.file.open("rb") as source:
             while chunk := source.read(CHUNK):
@@ -67,7 +67,7 @@ class Archive(Contents):
     members: tuple[Member, ...] = field(metadata=HIDDEN)
 
     def save(self, out: Path) -> Path:
-        """Write a zip file if the name ends in ``.zip``, else a new folder; raises `OutputError` if this fails.
+        """Write a zip file if the name ends in ``.zip``, else a new folder; raise `OutputError` if this fails.
 
         Equal contents give equal zip files, except for the packing date.
         """
@@ -84,10 +84,10 @@ class Archive(Contents):
         return out
 
     def _zip(self, target: Path) -> None:
-        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as written:
-            written.writestr(_entry(NAME), self.metadata.encode())
+        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as zip_file:
+            zip_file.writestr(_entry(NAME), self.metadata.encode())
             for member in self.members:
-                with written.open(_entry(member.item.path), "w", force_zip64=True) as file:
+                with zip_file.open(_entry(member.item.path), "w", force_zip64=True) as file:
                     member.copy(file)
 
 
@@ -102,7 +102,7 @@ def pack(
     further: Sequence[Path],
     options: PackOptions,
     *,
-    leave_out: Path | None = None,
+    exclude: Path | None = None,
     progress: Progress | None = None,
 ) -> Archive:
     """Collect and describe the files of a sensor.
@@ -110,14 +110,14 @@ def pack(
     Parameters
     ----------
     design
-        The design file. Files named by this design or by another included design or rig are added; a file from outside
-        the design folder is put into the folder ``files``, and the name in the design is changed accordingly.
+        The design file. Files named by this design, or by any other design or rig in the archive, are added; a file
+        from outside the design folder is put into the folder ``files``, and the design then names it there.
     further
         Files, and folders with all their files except hidden ones: print settings, images, recordings, calibrations,
         figures.
     options
         Authors, licence, title and description.
-    leave_out
+    exclude
         A file in one of the folders that is not packed: the archive itself.
     progress
         Called with the completed fraction, up to 1.
@@ -132,64 +132,67 @@ def pack(
     if not options.author:
         raise SpecError("--author", limit="is missing", remedy='specify --author "NAME" or --author "NAME <ORCID>"')
     authors, licence = [Author.of(text) for text in options.author], licence_of(options.licence)
-    stated, base = load(design), design.absolute().parent
-    places = _Places(base)
-    places.add(design, PurePosixPath(design.name))
-    for file, place in _found(further, base, leave_out):
-        places.add(file, place)
+    sensor_design, base = load(design), design.absolute().parent
+    paths = _ArchivePaths(base)
+    paths.add(design, PurePosixPath(design.name))
+    for file, path in _expanded(further, base, exclude):
+        paths.add(file, path)
     members = []
-    for number, (file, place) in enumerate(places.of.items(), 1):
-        item, content = described(file, place), places.content(file)
-        if item.kind == OTHER and file in places.named and file.suffix == ".toml":
-            raise DataError(str(file), limit=item.remark, remedy="correct the name: a design or rig contains it")
+    for number, (file, path) in enumerate(paths.path_of.items(), 1):
+        item, content = described(file, path), paths.content(file)
+        if item.kind == OTHER and file in paths.referenced and file.suffix == ".toml":
+            raise DataError(str(file), limit=item.remark, remedy="correct the file, or its name in the design or rig")
         if content is not None:
             item = replace(item, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
         members.append(Member(item, file, content))
         if progress is not None:
-            progress(number / len(places.of))
+            progress(number / len(paths.path_of))
     items = tuple(member.item for member in members)
-    title = options.title or stated.name
+    title = options.title or sensor_design.name
     metadata = dumps(title, options.description, licence, authors, items, __version__)
     names = tuple(author.name for author in authors)
     return Archive(title, options.description, licence_name(licence), names, items, metadata, tuple(members))
 
 
-class _Places:
+class _ArchivePaths:
     """Paths of files within the archive, including files that designs and rigs among them name."""
 
     def __init__(self, base: Path) -> None:
-        self.of: dict[Path, PurePosixPath] = {}
-        self.named: set[Path] = set()
+        self.path_of: dict[Path, PurePosixPath] = {}
+        self.referenced: set[Path] = set()
         self._base = base
         self._references: dict[Path, dict[str, Reference]] = {}
         self._lower: dict[str, Path] = {}
 
-    def add(self, file: Path, place: PurePosixPath) -> None:
-        """Add a file and the files that it names; `DataError` if the path is in use or not valid on every system."""
+    def add(self, file: Path, path: PurePosixPath) -> None:
+        """Add a file and the files that it names.
+
+        Raise `DataError` if the path is taken or not valid on every system, or a named file does not exist.
+        """
         file = file.resolve()
-        if file in self.of:
+        if file in self.path_of:
             return
-        for part in place.parts:
+        for part in path.parts:
             check_name(f"name of {file}", part, DataError, "rename it")
-        other = self._lower.setdefault(str(place).lower(), file)
-        if other != file:
-            limit = f"would have the same name in the archive, {place}, as {other} on Windows and macOS"
-            raise DataError(str(file), limit=limit, remedy="rename one of the two")
-        self.of[file] = place
+        other_file = self._lower.setdefault(str(path).lower(), file)
+        if other_file != file:
+            limit = f"would have the same name in the archive, {path}, as {other_file} on Windows and macOS"
+            raise DataError(str(file), limit=limit, remedy="rename one of them")
+        self.path_of[file] = path
         self._references[file] = references(file)
         for reference in self._references[file].values():
-            path = _checked(reference.path).resolve()
-            self.named.add(path)
-            self.add(path, _place(path, self._base))
+            target = _checked(reference.path).resolve()
+            self.referenced.add(target)
+            self.add(target, _archive_path(target, self._base))
 
     def content(self, file: Path) -> bytes | None:
-        """Return the content of a design or rig with file names changed to archive paths; None if nothing changes."""
-        moved = {}
+        """Return the content of a design or rig with archive paths for its file names; None if nothing changes."""
+        changed = {}
         for key, reference in self._references[file].items():
-            way = posixpath.relpath(str(self.of[reference.path.resolve()]), str(self.of[file].parent))
-            if posixpath.normpath(reference.stated) != way:
-                moved[key] = way
-        return renamed(file, moved).encode() if moved else None
+            relative = posixpath.relpath(str(self.path_of[reference.path.resolve()]), str(self.path_of[file].parent))
+            if posixpath.normpath(reference.name) != relative:
+                changed[key] = relative
+        return renamed(file, changed).encode() if changed else None
 
 
 def _checked(path: Path) -> Path:
@@ -199,25 +202,29 @@ def _checked(path: Path) -> Path:
     return path
 
 
-def _place(path: Path, base: Path) -> PurePosixPath:
-    """Return the path within the archive: relative to the design folder, or in the folder for all other files."""
+def _archive_path(path: Path, base: Path) -> PurePosixPath:
+    """Return the path of a file in the archive: relative to the design folder, or within ``files`` if it is outside."""
     try:
         return PurePosixPath(path.resolve().relative_to(base.resolve()).as_posix())
     except ValueError:
-        return PurePosixPath(BESIDE, path.name)
+        return PurePosixPath(EXTERNAL_FOLDER, path.name)
 
 
-def _found(given: Sequence[Path], base: Path, leave_out: Path | None) -> Iterator[tuple[Path, PurePosixPath]]:
-    """Yield files with their paths within the archive; folders are expanded."""
-    for path in given:
+def _expanded(inputs: Sequence[Path], base: Path, exclude: Path | None) -> Iterator[tuple[Path, PurePosixPath]]:
+    """Yield the files, including those in the folders, with their paths in the archive."""
+    for path in inputs:
         if not path.is_dir():
-            yield _checked(path), _place(path, base)
+            yield _checked(path), _archive_path(path, base)
             continue
-        outside = not path.resolve().is_relative_to(base.resolve())
+        folder = path.resolve()
+        outside = not folder.is_relative_to(base.resolve())
         for file in sorted(path.rglob("*")):
-            within = file.relative_to(path)
-            hidden = any(part.startswith((".", "__pycache__")) for part in within.parts)
-            is_own = file.name in {NAME, CATALOGUE} or (leave_out is not None and file.resolve() == leave_out.resolve())
-            if file.is_file() and not hidden and not is_own:
-                folder = path.resolve().name
-                yield file, PurePosixPath(BESIDE, folder, within.as_posix()) if outside else _place(file, base)
+            relative_path = file.relative_to(path)
+            is_hidden = any(part.startswith((".", "__pycache__")) for part in relative_path.parts)
+            is_written = file.name in {NAME, CATALOGUE} or (exclude is not None and file.resolve() == exclude.resolve())
+            if not file.is_file() or is_hidden or is_written:
+                continue
+            if outside:
+                yield file, PurePosixPath(EXTERNAL_FOLDER, folder.name, relative_path.as_posix())
+            else:
+                yield file, _archive_path(file, base)

@@ -1,4 +1,4 @@
-"""Files named by designs and rigs, and the texts of designs and rigs with these names changed."""
+"""The files that designs and rigs name, and changes of these names."""
 
 import re
 import tomllib
@@ -15,14 +15,14 @@ from solen.spec.toml import value_at
 
 
 class Reference(NamedTuple):
-    """A file name as it appears in a text, and the location of the file."""
+    """A file name in a design or rig, and the path of the file."""
 
-    stated: str
+    name: str
     path: Path
 
 
 def references(file: Path) -> dict[str, Reference]:
-    """Return the files that a design or rig names, by key; none for any other file."""
+    """Return the files that a design or rig names, keyed by key; none for any other file."""
     if file.suffix.lower() != ".toml":
         return {}
     try:
@@ -41,7 +41,7 @@ def references(file: Path) -> dict[str, Reference]:
 
 
 def renamed(file: Path, names: Mapping[str, str]) -> str:
-    """Return the text of a design or rig with other file names, by key; comments are kept."""
+    """Return the text of a design or rig with other file names, given by key; comments are kept."""
     text = read_text(file, SpecError)
     if not next(iter(names)).startswith("sensor["):
         return edited(text, names, what=str(file), folder=file.parent)
@@ -51,9 +51,7 @@ def renamed(file: Path, names: Mapping[str, str]) -> str:
         text = re.sub(rf"""(\bdesign\s*=\s*)(["']){re.escape(old)}\2""", rf"\g<1>\g<2>{name}\g<2>", text)
     after = tomllib.loads(text)
     if any(after["sensor"][int(key[7 : key.index("]")])]["design"] != name for key, name in names.items()):
-        limit, remedy = (
-            "contains the names of its designs in a form that cannot be changed",
-            ("pack the file from the folder of its design"),
-        )
+        limit = "contains the names of its designs in a form that cannot be changed"
+        remedy = "pack it from the folder of its design"
         raise DataError(str(file), limit=limit, remedy=remedy)
     return text

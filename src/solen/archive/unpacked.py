@@ -1,8 +1,8 @@
-"""Opening a received archive, which is not trusted until it has been checked.
+"""Open a received archive, which is not trusted until it has been checked.
 
-Before anything is unpacked under its name, an archive is rejected if it contains paths that leave the folder, links,
-names that a system does not allow, more bytes than listed or allowed, missing, changed or unlisted files, or designs
-that name files outside.
+An archive is rejected, before the new folder is created, if it contains paths that leave the folder, links, names that
+are not valid on every system, more bytes than listed or allowed, missing, changed or unlisted files, or designs that
+name files outside the folder.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from solen.spec.strict import Options
 
 MAX_METADATA_BYTES = 32 << 20
 MEGABYTE = 1_000_000
-AGAIN = "ask the sender to pack it again"
+PACK_AGAIN = "ask the sender to pack it again"
 
 
 class Limits(Options):
@@ -37,7 +37,7 @@ class Limits(Options):
     most_files: int = Field(10_000, ge=1)
     """Maximum number of files."""
     most_megabytes: float = Field(4000.0, gt=0.0)
-    """Maximum size in megabytes, unpacked."""
+    """Maximum size in megabytes after unpacking."""
 
 
 class Opened(Contents):
@@ -46,7 +46,7 @@ class Opened(Contents):
     archive: Path
 
     def save(self, out: Path) -> Path:
-        """Unpack into a new folder, and compare every checksum.
+        """Unpack into a new folder, and check every checksum.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Opened(Contents):
 
 
 def opened(archive: Path, limits: Limits | None = None) -> Opened:
-    """Return the description of an archive, checked against its contents; nothing is unpacked.
+    """Return the description of an archive after comparing it with the contents; nothing is unpacked.
 
     Parameters
     ----------
@@ -77,40 +77,43 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
     Raises
     ------
     DataError
-        If it is not a solen archive, contains files that are not listed or exceeds the limits, or if a path in it
-        leaves the folder or is not valid on every system.
+        If it is not a solen archive, if it contains files that are not listed, if it exceeds the limits, or if one of
+        its paths leaves the folder or is not valid on every system.
     """
     limits = limits or Limits()
     with _source(archive) as source:
         names = source.names
         if NAME not in names:
-            remedy = "name a folder or zip file that solen project pack wrote"
+            remedy = "specify a folder or zip file written by solen project pack"
             raise DataError(str(archive), limit=f"is not a solen archive: it does not contain {NAME}", remedy=remedy)
         if len(names) > limits.most_files + 1:
-            limit = f"at most {limits.most_files}"
-            raise DataError(f"{archive}: files", value=len(names) - 1, limit=limit, remedy="raise --most-files")
+            limit = f"must be at most {limits.most_files}"
+            raise DataError(f"{archive}: files", value=len(names) - 1, limit=limit, remedy="increase --most-files")
         for name in names:
             _check_path(archive, name)
         if len({name.lower() for name in names}) < len(names):
-            raise DataError(str(archive), limit="contains two files with the same path", remedy=AGAIN)
-        stated = loads(source.text(NAME), f"{archive}: {NAME}")
-    _check_stated(archive, [item.path for item in stated.items], set(names) - {NAME})
-    size = sum(item.size_bytes for item in stated.items)
+            raise DataError(str(archive), limit="contains two files with the same path", remedy=PACK_AGAIN)
+        described = loads(source.text(NAME), f"{archive}: {NAME}")
+    _check_complete(archive, [item.path for item in described.items], set(names) - {NAME})
+    size = sum(item.size_bytes for item in described.items)
     if size > limits.most_megabytes * MEGABYTE:
-        limit = f"at most {limits.most_megabytes:g} MB"
+        limit = f"must be at most {limits.most_megabytes:g} MB"
         raise DataError(
-            f"{archive}: size", value=f"{size / MEGABYTE:.6g} MB", limit=limit, remedy="raise --most-megabytes"
+            f"{archive}: size", value=f"{size / MEGABYTE:.6g} MB", limit=limit, remedy="increase --most-megabytes"
         )
-    return Opened(stated.name, stated.description, stated.licence, stated.authors, stated.items, archive)
+    return Opened(described.name, described.description, described.licence, described.authors, described.items, archive)
 
 
-def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
-    """Raise `DataError` unless the files are exactly those listed, each once."""
-    if len(set(stated)) < len(stated):
-        raise DataError(str(archive), limit="lists two files with the same path", remedy=AGAIN)
-    for paths, limit in ((set(stated) - held, "is listed but missing"), (held - set(stated), "is not described")):
+def _check_complete(archive: Path, described: list[str], present: set[str]) -> None:
+    """Raise `DataError` unless the files are exactly those described, each once."""
+    if len(set(described)) < len(described):
+        raise DataError(str(archive), limit="describes two files with the same path", remedy=PACK_AGAIN)
+    for paths, limit in (
+        (set(described) - present, "is described but missing"),
+        (present - set(described), "is not described"),
+    ):
         if paths:
-            raise DataError(f"{archive}: {min(paths)}", limit=limit, remedy=AGAIN)
+            raise DataError(f"{archive}: {min(paths)}", limit=limit, remedy=PACK_AGAIN)
 
 
 def _check_path(archive: Path, path: str) -> None:
@@ -124,28 +127,25 @@ def _check_path(archive: Path, path: str) -> None:
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:
-    """Check that all files named by a design or rig are in the folder.
-
-    Raises `DataError` if a file is not, and `SpecError` if a design is invalid.
-    """
+    """Raise `DataError` if a design or rig names a file outside the folder, or `SpecError` if a design is invalid."""
     if kind == DESIGN:
         load(file)
     for key, reference in references(file).items():
         if not reference.path.resolve().is_relative_to(folder.resolve()):
             limit = "names a file outside the archive"
-            raise DataError(f"{file.name}: {key}", value=reference.stated, limit=limit, remedy=AGAIN)
+            raise DataError(f"{file.name}: {key}", value=reference.name, limit=limit, remedy=PACK_AGAIN)
 
 
 @dataclass(frozen=True)
 class _Source:
-    """A folder or a zip file: the names of its files, and a function that opens one."""
+    """A folder or a zip file: the names of its files, and a function that opens one of them."""
 
     archive: Path
     names: tuple[str, ...]
     open: Callable[[str], IO[bytes]]
 
     def text(self, name: str) -> str:
-        """Return the text of a file; raises `DataError` if it is too long or not UTF-8."""
+        """Return the text of a file; raise `DataError` if it is too long or not UTF-8."""
         with self.open(name) as file:
             data = file.read(MAX_METADATA_BYTES + 1)
         try:
@@ -153,47 +153,47 @@ class _Source:
                 raise ValueError(f"is longer than {MAX_METADATA_BYTES} bytes")
             return data.decode()
         except ValueError as bad:
-            raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=AGAIN) from None
+            raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=PACK_AGAIN) from None
 
     def copy(self, item: Item, target: Path) -> None:
-        """Write a file; raises `DataError` if it is not the packed file, after reading no more bytes than listed."""
-        checksum, left = hashlib.sha256(), item.size_bytes
+        """Unpack a file, reading no more bytes than listed; raise `DataError` if its size or checksum differs."""
+        checksum, remaining = hashlib.sha256(), item.size_bytes
         target.parent.mkdir(parents=True, exist_ok=True)
-        with self.open(item.path) as file, target.open("xb") as written:
+        with self.open(item.path) as file, target.open("xb") as copied:
             while chunk := file.read(CHUNK):
-                left -= len(chunk)
-                if left < 0:
+                remaining -= len(chunk)
+                if remaining < 0:
                     break
                 checksum.update(chunk)
-                written.write(chunk)
-        if left != 0 or checksum.hexdigest() != item.sha256:
+                copied.write(chunk)
+        if remaining != 0 or checksum.hexdigest() != item.sha256:
             limit = "has changed since it was packed: its size or checksum differs"
-            raise DataError(f"{self.archive}: {item.path}", limit=limit, remedy=AGAIN)
+            raise DataError(f"{self.archive}: {item.path}", limit=limit, remedy=PACK_AGAIN)
 
 
 @contextmanager
 def _source(archive: Path) -> Iterator[_Source]:
-    """Return the files of a folder or zip file; raises `DataError` if it is damaged, encrypted or contains links."""
+    """Yield the files of a folder or zip file; raise `DataError` if it is damaged, encrypted or contains links."""
     if archive.is_dir():
         yield _Source(archive, tuple(_names(archive)), lambda name: (archive / name).open("rb"))
         return
     if not archive.exists():
         raise DataError(str(archive), limit="no such file or folder", remedy="check the path")
     try:
-        with zipfile.ZipFile(archive) as held:
-            entries = [entry for entry in held.infolist() if not entry.is_dir()]
+        with zipfile.ZipFile(archive) as zip_file:
+            entries = [entry for entry in zip_file.infolist() if not entry.is_dir()]
             for entry in entries:
                 limit = "is encrypted" if entry.flag_bits & 1 else ""
                 limit = "is a link" if stat.S_ISLNK(entry.external_attr >> 16) else limit
                 if limit:
-                    raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=AGAIN)
-            yield _Source(archive, tuple(entry.filename for entry in entries), held.open)
+                    raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=PACK_AGAIN)
+            yield _Source(archive, tuple(entry.filename for entry in entries), zip_file.open)
     # zipfile raises NotImplementedError for an unknown compression method
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError) as bad:
         if isinstance(bad, OSError) and bad.errno is not None and bad.filename != str(archive):
             raise  # an error while writing
-        limit = "is neither a folder nor a zip file that can be read"
-        raise DataError(str(archive), limit=f"{limit}: {bad}", remedy=AGAIN) from None
+        limit = "must be a folder or a readable zip file"
+        raise DataError(str(archive), limit=f"{limit}: {bad}", remedy=PACK_AGAIN) from None
 
 
 def _names(folder: Path) -> Iterator[str]:

@@ -61,7 +61,7 @@ class Journal:
             file = FileIO(path, "xb")
         except FileExistsError:
             raise BenchError(
-                str(path), limit="exists already: a run that was not closed", remedy="use solen bench recover"
+                str(path), limit="already exists: a run that was not closed", remedy="use solen bench recover"
             ) from None
         except OSError as bad:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None

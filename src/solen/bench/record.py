@@ -110,9 +110,9 @@ def record(
     simulated_time = rig.simulated and not options.real_time
     with files.output_folder(folder), locked(path):
         if target.exists() and not (path.exists() and _is_of(target, path)):
-            raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
+            raise OutputError(str(target), limit="already exists", remedy="give the run another --name")
         if path.exists() and not options.resume:
-            limit, remedy = "exists already: a run that was not closed", "use solen bench recover, or --resume"
+            limit, remedy = "already exists: a run that was not closed", "use solen bench recover, or --resume"
             raise BenchError(str(path), limit=limit, remedy=remedy)
         journal, before = None, None
         if options.resume:
@@ -142,7 +142,7 @@ def recover(path: Path) -> RecordedRun:
     target = path.with_suffix(".nc")
     with locked(path):
         if target.exists() and not _is_of(target, path):
-            raise OutputError(str(target), limit="exists already", remedy="move it away")
+            raise OutputError(str(target), limit="already exists", remedy="move it away")
         return close_journal(path, target)
 
 
@@ -152,7 +152,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     A damaged journal is never removed. A kill meanwhile leaves the journal; a recording already written is then written
     again.
     """
-    files.remove_left(target)
+    files.remove_leftovers(target)
     _check_room(path, target)
     content = read_journal(path)
     recorded = write_recording(content, target)

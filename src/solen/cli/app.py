@@ -1,8 +1,8 @@
-"""Code that the commands share: the application, and the printing of results.
+"""The application, and the printing of results, which all commands share.
 
 A command returns an `Outcome`: a typed result and the written files. `show_outcome` prints it: as one JSON object with
-``--json``; otherwise as the lines that `lines` makes of the result's type, followed by its warnings and the files. A
-command module registers the lines of its result::
+``--json``, otherwise as the lines that `lines` returns for the type of the result, followed by its warnings and the
+files. A command module registers the lines of its result::
 
     @lines.register
     def _(loss: GuideLoss) -> Iterator[str]:
@@ -22,16 +22,16 @@ from cyclopts import App, Parameter
 
 from solen import __version__
 from solen.cli.commands import COMMANDS, DESIGN, GROUPS
-from solen.cli.waiting import NOW
+from solen.cli.waiting import CURRENT
 from solen.ranks import ranked
 from solen.results import Outcome
 
-EVERYWHERE = "Every command also accepts --json (one JSON object on stdout) and --quiet (only warnings)."
+COMMON_OPTIONS = "Every command also accepts --json (one JSON object on stdout) and --quiet (only warnings)."
 
 
 @dataclass
 class Shown:
-    """How the running command prints its result."""
+    """Output options of the running command."""
 
     as_json: bool = False
     quiet: bool = False
@@ -41,12 +41,12 @@ SHOWN = Shown()
 
 
 def option_name(field: str) -> str:
-    """Return the option of a field, units unchanged: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``."""
+    """Return the name of the option for a field: ``irradiance_mW_per_cm2`` becomes ``irradiance-mW-per-cm2``."""
     return field.strip("_").replace("_", "-")
 
 
 def shown_default(value: Any) -> str | None:
-    """Return the default of an option in the form a user would type; None for a flag, an empty list or no value."""
+    """Return the default of an option as a user would type it; None for a flag, an empty list or no value."""
     if isinstance(value, bool) or value in {None, "", ()}:
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -54,23 +54,25 @@ def shown_default(value: Any) -> str | None:
 
 def _application() -> App:
     """Return the application with all commands registered but not yet imported."""
-    made = App(
+    application = App(
         name="solen",
         default_parameter=Parameter(name_transform=option_name, negative=(), show_default=shown_default),
         version=__version__,
-        help="From the spectrum of a resin to a printed, tested and calibrated soft optical sensor.",
-        help_epilogue=EVERYWHERE,
+        help="From the spectra of a resin to a printed, tested and calibrated soft optical sensor.",
+        help_epilogue=COMMON_OPTIONS,
         help_format="plaintext",
         suppress_keyboard_interrupt=False,
     )
-    groups = {DESIGN: made}
+    groups = {DESIGN: application}
     for name, text in GROUPS.items():
-        groups[name] = App(name=name, help=text, help_epilogue=EVERYWHERE, sort_key=len(COMMANDS[DESIGN]) + len(groups))
-        made.command(groups[name])
+        groups[name] = App(
+            name=name, help=text, help_epilogue=COMMON_OPTIONS, sort_key=len(COMMANDS[DESIGN]) + len(groups)
+        )
+        application.command(groups[name])
     for group, rows in COMMANDS.items():
-        for place, (name, where, text) in enumerate(rows):
-            groups[group].command(f"solen.cli.{where}", name=name, help=text, sort_key=place)
-    return made
+        for position, (name, location, text) in enumerate(rows):
+            groups[group].command(f"solen.cli.{location}", name=name, help=text, sort_key=position)
+    return application
 
 
 app = _application()
@@ -78,7 +80,7 @@ app = _application()
 
 @functools.singledispatch
 def lines(result: Any) -> Iterable[str]:
-    """Yield the lines that a terminal shows for a result; registered by the module of its command."""
+    """Return the lines to print for a result; the module of its command registers them for its type."""
     raise TypeError(f"no lines for {type(result).__name__}")
 
 
@@ -97,10 +99,10 @@ def show_outcome(outcome: Outcome[Any]) -> None:
 
 
 def listing(values: dict[str, Any]) -> list[str]:
-    """Yield one line per scalar value, with its key; tables and lists are omitted."""
-    shown = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
-    width = max(len(key) for key in shown)
-    return [f"  {key:{width}}  {text(value)}" for key, value in shown.items()]
+    """Return one line per scalar value, with its key; tables and lists are omitted."""
+    scalars = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
+    width = max(len(key) for key in scalars)
+    return [f"  {key:{width}}  {text(value)}" for key, value in scalars.items()]
 
 
 def text(value: Any) -> str:
@@ -111,7 +113,7 @@ def text(value: Any) -> str:
 
 
 def simulated(result: Any) -> str:
-    """Return the words before the name of a result that does not rest on measurements alone."""
+    """Return the prefix of a result that is not based on measurements alone."""
     return "simulated: " if result.simulated else ""
 
 
@@ -121,8 +123,8 @@ def short(value: float | None) -> str:
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar on stderr if it is a terminal and ``--quiet`` is not set; otherwise lines report progress."""
+def progress_bar(description: str) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar on stderr if it is a terminal and ``--quiet`` is not set; otherwise only count progress."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -135,12 +137,12 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
     )
     hidden = SHOWN.quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-        task = bar.add_task(what, total=1.0)
+        task = bar.add_task(description, total=1.0)
         if not hidden:
-            NOW.describe = lambda words: bar.update(task, description=words)
+            CURRENT.describe = lambda message: bar.update(task, description=message)
 
         def update(done: float) -> None:
-            NOW.done = done
+            CURRENT.done = done
             bar.update(task, completed=done)
 
         yield update

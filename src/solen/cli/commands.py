@@ -1,6 +1,6 @@
-"""Table of all commands: by group, the name, the location of its function, and one line of help.
+"""Table of all commands, keyed by group: name, location of the function, and one line of help.
 
-A command is loaded when it runs or shows its own help, so `solen --help` loads no heavy modules. To add a command,
+A command is loaded when it runs or shows its help, so that `solen --help` loads no large modules. To add a command,
 write its function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a
 row here.
 """
@@ -8,11 +8,11 @@ row here.
 DESIGN, RESIN, PRINT, BENCH, EXPLORE, PROJECT = "", "resin", "print", "bench", "explore", "project"
 
 GROUPS = {
-    RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
-    PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
+    RESIN: "Characterise a resin: index, loss, cure and stiffness from the exports of instruments.",
+    PRINT: "Print and inspect: layers, coupons, predicted and measured lenses.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
     EXPLORE: "Explore designs: sweeps over their parameters, tolerances, inverse design.",
-    PROJECT: "Whole projects: sample data to begin with, archives to share, the paper's figures.",
+    PROJECT: "Projects: sample data for every command, archives to share, the figures of the paper.",
 }
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -21,7 +21,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         (
             "check",
             "design.check:check",
-            "Check that a design can be built at every angle of its motion, or a scene.",
+            "Check whether a design can be built at every angle of its motion, or check a scene.",
         ),
         ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
@@ -34,48 +34,52 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
             "design.readout:readout",
             "Show receiver voltages over the motion, their noise, and the recommended load.",
         ),
-        ("studio", "design.studio:studio", "Show a design in the browser: drag its parts, see rays and response."),
+        ("studio", "design.studio:studio", "Show a design in the browser: drag its parts, and see rays and response."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
         ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),
-        ("doctor", "design.doctor:doctor", "Check the installation; print the information that a bug report needs."),
+        ("doctor", "design.doctor:doctor", "Check the installation, and print the information for a bug report."),
         ("completion", "design.doctor:completion", "Install completion of commands and options in the shell."),
     ),
     RESIN: (
         ("spectra", "resin.spectra:spectra", "List the spectra in a file: quantities, units, wavelengths."),
         ("index", "resin.index:index", "Compute the index of a printed layer from its R and T spectra."),
-        ("refractometer", "resin.refractometer:refractometer", "Extend a measured index over wavelength."),
+        ("refractometer", "resin.refractometer:refractometer", "Extend a measured index to other wavelengths."),
         ("cutback", "resin.cutback:cutback", "Compute the loss of a guide in dB/cm from several lengths."),
         ("cure", "resin.cure:cure", "Fit the working curve of a resin, Dc = Dp ln(E/Ec)."),
         ("penetration", "resin.penetration:penetration", "Compute the penetration depth from an absorbance spectrum."),
-        ("exposures", "resin.exposures:exposures", "Compare the transmittance of layers by their exposure."),
+        ("exposures", "resin.exposures:exposures", "Compare the transmittance of layers with different exposures."),
         ("stiffness", "resin.stiffness:stiffness", "Fit modulus and hyperelastic models to mechanical tests."),
         ("build", "resin.library:build", "Write a resin file from the results of other commands."),
-        ("mix", "resin.library:mix", "Compute what to weigh in for a mixture."),
+        ("mix", "resin.library:mix", "Compute the amounts to weigh in for a mixture."),
         ("list", "resin.library:list_", "List the resins shipped with solen."),
         ("show", "resin.library:show", "Show a resin and its index at given wavelengths."),
     ),
     PRINT: (
         ("layers", "print.layers:layers", "Slice a design or a mesh into layers for a printer."),
-        ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
+        ("coupons", "print.coupons:coupons", "Write coupons that test a printer and a resin."),
         ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in an image or a height map."),
-        ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
+        ("calibrate", "print.calibrate:calibrate", "Fit the blur, growth and shrinkage of a printer to coupons."),
         ("grey", "print.grey:grey", "Measure the transmission of grey pixels, from cured discs."),
-        ("predict", "print.predict:predict", "Predict the printed lens of a design, and the response lost."),
-        ("scale", "print.scale:scale", "Measure an objective's scale in an image of a stage micrometer."),
-        ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
+        (
+            "predict",
+            "print.predict:predict",
+            "Predict the printed lens of a design, and the resulting loss of response.",
+        ),
+        ("scale", "print.scale:scale", "Measure the scale of an objective in an image of a stage micrometer."),
+        ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph, and compare it with its design."),
         ("tune", "print.tune:tune", "Correct the drawing of a lens from an image of its print, print by print."),
-        ("printers", "print.layers:printers", "List the printers that solen knows."),
+        ("printers", "print.layers:printers", "List the printers that solen supports."),
     ),
     BENCH: (
         ("new", "bench.record:new", "Write example protocols and rigs into a folder."),
         ("firmware", "bench.firmware:firmware", "Write the firmware of an emitter board: Pico, ESP32 or Arduino Uno."),
         ("check", "bench.look:check", "Check a rig before a run: wires, emitters, rails, noise, trimmers."),
-        ("watch", "bench.look:watch", "Show live readings of a rig's receivers."),
+        ("watch", "bench.look:watch", "Show live readings of the receivers of a rig."),
         ("jog", "bench.look:jog", "Move the stage of a rig, within its travel."),
         ("run", "bench.record:run", "Run a protocol on a rig, real or simulated, and record it."),
         ("recover", "bench.record:recover", "Turn the journal of an interrupted run into a recording."),
         ("recordings", "bench.record:recordings", "List the recordings in a folder."),
-        ("video", "bench.video:video", "Read an angle from a video of a marker, as a motion log."),
+        ("video", "bench.video:video", "Measure an angle in a video of a marker, and write it as a motion log."),
         ("demodulate", "bench.demodulate:demodulate", "Subtract ambient light from a switched recording."),
         ("analyse", "bench.analyse:analyse", "Compute cycles, response curves and figures of merit."),
         ("diagnose", "bench.diagnose:diagnose", "Estimate decentre, chip width, loss and gains."),
@@ -84,22 +88,26 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("table", "bench.decode:table", "Write a calibration as code for a microcontroller."),
     ),
     EXPLORE: (
-        ("sweep", "explore.sweep:sweep", "Trace a design over values of its parameters: merits and responses."),
+        ("sweep", "explore.sweep:sweep", "Trace a design over ranges of its parameters: merits and responses."),
         (
             "tolerance",
             "explore.tolerance:tolerance",
-            "Trace prints whose parameters vary: yield and its largest losses.",
+            "Trace random variations of a print: yield, and the parameters that reduce it most.",
         ),
-        ("optimise", "explore.optimise:optimise", "Search for the design parameters that optimise a merit."),
+        ("optimise", "explore.optimise:optimise", "Search for the design parameters that optimise a figure of merit."),
     ),
     PROJECT: (
         ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),
-        ("pack", "project.archive:pack", "Pack a sensor's files into one described and checked archive."),
-        ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor from elsewhere."),
+        (
+            "pack",
+            "project.archive:pack",
+            "Pack the files of a sensor into one archive, with description and checksums.",
+        ),
+        ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor that was received."),
         (
             "reproduce",
             "project.reproduce:reproduce",
-            "Reproduce the paper's figures, and compare its values with solen's.",
+            "Reproduce the figures of the paper, and compare its values with those computed by solen.",
         ),
     ),
 }

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.explore.monotone import monotone_deg
-from solen.plane import off_a_line
+from solen.plane import deviation_from_line
 from solen.readout import Readings
 from solen.readout.advice import slopes_V_per_deg
 from solen.results import Result
@@ -180,7 +180,7 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
     dense = np.linspace(angle[0], angle[-1], DENSE * (angle.size - 1) + 1)
     second = every_second(angle.size)
     fine, coarse = (
-        off_a_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
+        deviation_from_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
         for part in (np.arange(angle.size), second)
     )
     if second.size < MIN_ANGLES:

@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
 from solen.explore.merits import MERITS, worst_place
-from solen.expression import MAX_LENGTH, Grammar, missed, names, parsed, value
+from solen.expression import MAX_LENGTH, Grammar, names, parsed, value, violation
 from solen.spec.strict import nearest
 
 _BASE, _WORST = "base", "worst"
@@ -112,8 +112,8 @@ class Requirement(Expression):
     def violation(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
         """Return the violation by merits (P,) as a fraction of the limits; 0 if they hold, 1 if a merit is missing."""
         with np.errstate(all="ignore"):
-            away = missed(self._tree, self._values(merits, base))
-        return np.where(self.met(merits, base), 0.0, np.nan_to_num(away, nan=1.0, posinf=1e3))
+            violation_size = violation(self._tree, self._values(merits, base))
+        return np.where(self.met(merits, base), 0.0, np.nan_to_num(violation_size, nan=1.0, posinf=1e3))
 
 
 @dataclass(frozen=True)

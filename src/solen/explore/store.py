@@ -28,7 +28,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.explore.printed_lens import as_printed
 from solen.fabricate.process import Settings
-from solen.registry import BODY_KINDS, FINISHES, offered
+from solen.registry import BODY_KINDS, FINISHES, plugin_entries
 from solen.sensor import Response, Sensor
 from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
@@ -176,7 +176,7 @@ def bytes_of(path: Path) -> bytes:
 def engine() -> str:
     """Digest of the version, code and data of solen and of packages that add bodies or finishes."""
     digest = hashlib.sha256(solen.__version__.encode())
-    modules = {entry.module.partition(".")[0] for group in OF_DESIGNS for entry in offered(group).values()}
+    modules = {entry.module.partition(".")[0] for group in OF_DESIGNS for entry in plugin_entries(group).values()}
     for module in ("solen", *sorted(modules)):
         for name, path in _sources(module):
             digest.update(name.encode())

@@ -7,7 +7,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from solen.arrays import FloatArray, IndexArray, stretches
+from solen.arrays import FloatArray, IndexArray, flag_runs
 from solen.curve import Measure
 from solen.geometry import Body, Face
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
@@ -166,7 +166,7 @@ class Outcome:
         if not touching.any():
             return
         halves = np.concatenate([[0.0], 0.5 * (edges.u[1:] + edges.u[:-1]), [1.0]])
-        for low, high in stretches(touching):
+        for low, high in flag_runs(touching):
             yield float(halves[low]), float(halves[high]), edges.nodes[low:high]
 
     def _warnings(self) -> Iterator[str]:

@@ -62,7 +62,7 @@ class Plane:
 
 def read_bytes(path: Path) -> bytes:
     """Return the bytes of a file; `DataError` if it cannot be read, is empty or exceeds `MAX_MB`."""
-    return files.read_bytes(path, DataError, most_mb=MAX_MB, smaller="crop it to the part")
+    return files.read_bytes(path, DataError, max_mb=MAX_MB, remedy="crop it to the part")
 
 
 def check_size(file: str, columns: int, rows: int) -> None:

@@ -1,1 +1,1 @@
-"""The paper: its statements and their locations, simulated data for its measurements, and the agreement rule."""
+"""The statements of the paper, the rule that compares them with solen, and simulated data for its measurements."""

@@ -1,9 +1,9 @@
-"""Sizes of shipped designs, coupons and parts as made by solen, for comparison with the paper's sizes.
+"""Sizes of shipped designs, coupons and parts, for comparison with the sizes reported in the paper.
 
 Body sizes are measured on the outline and not read from the design, which also checks the geometry.
 
-Public names: `body_sizes`, `u_major_base_mm`, `source_of`, `coupon_sizes`, `settings_of_print`, `peak_nm` and
-`wavelength_nm`.
+Public names: `body_sizes`, `u_major_base_mm`, `lens_sizes`, `source_of`, `pivot_deviation_mm`, `settings_of_print`,
+`size_of`, `wavelength_nm`, `coupon_sizes` and `peak_nm`.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.curve import Measure
 from solen.fabricate.process.process_file import default_process
-from solen.geometry.coupons import Coupon, Feature, layout
+from solen.geometry.coupons import Coupon, layout
 from solen.paper.statements import statements
 from solen.parts.datasheet import EmitterPart, ReceiverPart, library_part
 from solen.parts.printer import library_printer
@@ -24,7 +24,7 @@ RESOLUTION = ("group-a", "group-b", "group-c", "holes", "z-reference")
 
 
 def body_sizes(sensor: Sensor) -> dict[str, float]:
-    """Return the sizes of a Y in mm, between the corners of its undeformed outline."""
+    """Return the sizes of a Y-shaped body in mm, between the corners of its undeformed outline."""
     body = sensor.body()
     lens, stem = body.face("lens").curve, body.face("stem-right").curve
     fork, base = body.marks["fork-right"], body.marks["stem-base"]
@@ -40,10 +40,10 @@ def body_sizes(sensor: Sensor) -> dict[str, float]:
 
 
 def u_major_base_mm(sizes: Mapping[str, float]) -> float:
-    """Return the standard uncertainty of the width at the fork, from the last digits of the paper's dimensions."""
+    """Return the standard uncertainty of the width at the fork, from the last digits of the reported dimensions."""
     base, curve, length = (statements()[key].u_value for key in ("minor-base", "stem-curve", "stem-length"))
-    long_mm = sizes["stem-length"]
-    return math.hypot(base, 2.0 * long_mm**2 * curve, 4.0 * sizes["stem-curve"] * long_mm * length)
+    length_mm = sizes["stem-length"]
+    return math.hypot(base, 2.0 * length_mm**2 * curve, 4.0 * sizes["stem-curve"] * length_mm * length)
 
 
 def lens_sizes(sensor: Sensor) -> dict[str, float]:
@@ -61,10 +61,12 @@ def source_of(sensor: Sensor) -> dict[str, float]:
     return {"rays": float(emitter.rays), "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
 
 
-def pivot_off_mm(sensor: Sensor, angle_deg: float) -> float:
+def pivot_deviation_mm(sensor: Sensor, angle_deg: float) -> float:
     """Return the distance from the centre of rotation of a lens to the centre of the stem's minor base."""
-    rest, turned = (sensor.body(angle).face("lens").curve for angle in (0.0, angle_deg))
-    return math.dist(_fixed_point((rest.start, rest.end), (turned.start, turned.end)), _middle(rest.start, rest.end))
+    at_rest, turned = (sensor.body(angle).face("lens").curve for angle in (0.0, angle_deg))
+    return math.dist(
+        _fixed_point((at_rest.start, at_rest.end), (turned.start, turned.end)), _middle(at_rest.start, at_rest.end)
+    )
 
 
 def _middle(a: Point, b: Point) -> Point:
@@ -105,13 +107,13 @@ def coupon_sizes() -> dict[str, float]:
     a, b, c, holes, reference = map(layout, RESOLUTION)
     diameters, gaps = _diameters(a, "pillar"), sorted(gap.gap_mm for gap in b.gaps)
     steps = sorted({round(step.step_mm, 6) for step in c.steps})
-    heights, bores = [one.height_mm for one in c.of_kind("pillar")], _diameters(holes, "hole")
+    heights, bores = [pillar.height_mm for pillar in c.of_kind("pillar")], _diameters(holes, "hole")
     return {
         "group-a-number": float(len(diameters)),
         "group-a-largest": diameters[-1],
         "group-a-smallest": diameters[0],
-        "group-a-height": _height(a),
-        "group-base": _thickness(a),
+        "group-a-height": _pillar_height(a),
+        "group-base": _slab_thickness(a),
         "group-b-number": float(len(gaps)),
         "group-b-largest": gaps[-1],
         "group-b-smallest": gaps[0],
@@ -126,47 +128,43 @@ def coupon_sizes() -> dict[str, float]:
         "holes-step": float(np.min(np.diff(np.unique(bores)))),
         "holes-length": holes.size_mm[0],
         "holes-width": holes.size_mm[1],
-        "holes-thickness": _thickness(holes),
+        "holes-thickness": _slab_thickness(holes),
         **_reference(reference),
     }
 
 
 def _reference(coupon: Coupon) -> dict[str, float]:
     """Return the sizes of the slab whose pillars differ in height by one layer."""
-    pillars = sorted(coupon.of_kind("pillar"), key=_by_height)
+    pillars = sorted(coupon.of_kind("pillar"), key=lambda pillar: pillar.height_mm)
     names = ("lowest", "middle", "highest")
     return {
         "reference-length": coupon.size_mm[0],
         "reference-width": coupon.size_mm[1],
-        "reference-thickness": _thickness(coupon),
+        "reference-thickness": _slab_thickness(coupon),
         "reference-pillar": pillars[0].width_mm,
         **{f"reference-{name}": pillar.height_mm for name, pillar in zip(names, pillars, strict=True)},
     }
-
-
-def _by_height(one: Feature) -> float:
-    return one.height_mm
 
 
 def _diameters(coupon: Coupon, kind: str) -> list[float]:
     return sorted(feature.diameter_mm for feature in coupon.features if feature.kind == kind)
 
 
-def _height(coupon: Coupon) -> float:
+def _pillar_height(coupon: Coupon) -> float:
     return coupon.of_kind("pillar")[0].height_mm
 
 
-def _thickness(coupon: Coupon) -> float:
+def _slab_thickness(coupon: Coupon) -> float:
     return 0.0 if coupon.slab is None else coupon.slab.thickness_mm
 
 
 def peak_nm(part: str) -> tuple[float, float]:
-    """Return a part's peak wavelength and its standard uncertainty; for a spectrum, from its highest points."""
+    """Return the peak wavelength of a part with its standard uncertainty; for a spectrum, from its highest points."""
     sheet = library_part(part)
     if isinstance(sheet, EmitterPart):
         return sheet.peak_nm.nominal, 0.0
     if isinstance(sheet, ReceiverPart) and sheet.spectrum is not None:
-        nm, place = sheet.spectrum.wavelength_nm, int(np.argmax(sheet.spectrum.relative))
-        near = nm[max(place - 1, 0) : place + 2]
-        return nm[place], (max(near) - min(near)) / math.sqrt(12.0)
+        nm, peak = sheet.spectrum.wavelength_nm, int(np.argmax(sheet.spectrum.relative))
+        near = nm[max(peak - 1, 0) : peak + 2]
+        return nm[peak], (max(near) - min(near)) / math.sqrt(12.0)
     raise ValueError(f"{part} has no peak wavelength")

@@ -1,9 +1,9 @@
-"""Micrographs and height maps of prints, as predicted by solen's own printer model.
+"""Simulated micrographs and height maps of prints, as predicted by the printer model.
 
-The predicted outline is projected onto a camera's pixels; each pixel contains the fraction of its area inside the
-outline, seen through a blur, under non-uniform light, with noise from a specified seed. The model is the one used by
-`solen print predict` with its default process, whose optics are assumed: an image shows how the evaluation behaves, not
-how a printer behaves.
+The predicted outline is projected onto the pixels of a camera. Each pixel contains the fraction of its area inside the
+outline; blur, non-uniform illumination, and noise from a fixed seed are then added. The model is that of `solen print
+predict` with its default process, whose optics are assumed: an image shows how the evaluation behaves, not how a
+printer behaves.
 
 `lens_image`, `coupon_image` and `coupon_heights` return the bytes of a PNG or TIFF.
 """
@@ -26,21 +26,21 @@ from solen.sensor import Sensor
 
 MODEL = "print model with its default process, blurred camera with noise"
 SEED = 1
-FINE = 4
-"""Number of lines through a pixel row along which the covered fraction is exact."""
-BLUR_PX, NOISE, UNEVEN = 1.2, 0.02, 0.15
-GROUND, SLAB, PART = 0.15, 0.4, 0.75
+LINES_PER_ROW = 4
+"""Number of lines per pixel row along which the covered fraction is exact."""
+BLUR_PX, NOISE, ILLUMINATION_CHANGE = 1.2, 0.02, 0.15
+BACKGROUND, SLAB, PART = 0.15, 0.4, 0.75
 """Grey levels of the background, of a coupon's slab, and of a lens or the features on a slab."""
 LENS_UM_PER_PX, COUPON_UM_PER_PX, HEIGHT_UM_PER_PX = 5.0, 8.0, 14.0
-LENS_VIEW_MM, TURNED_DEG = (-2.4, 2.4, -0.4, 2.6), 3.0
-ROUGH_UM, TILT = 1.0, 0.003
+LENS_VIEW_MM, PART_ANGLE_DEG = (-2.4, 2.4, -0.4, 2.6), 3.0
+ROUGHNESS_UM, SLOPE = 1.0, 0.003
 MARGIN_MM = 0.4
-_HEAD = "simulated"
+_MARK = "simulated"
 
 
 @dataclass(frozen=True)
 class _View:
-    """A camera that looks down from above: the extent of its field of view in mm, and its pixel size."""
+    """The field of view of a camera above the part, in mm, and its pixel size."""
 
     extent_mm: tuple[float, float, float, float]
     um_per_px: float
@@ -52,60 +52,60 @@ class _View:
         return round(1e3 * (y1 - y0) / self.um_per_px), round(1e3 * (x1 - x0) / self.um_per_px)
 
     def covered(self, area: shapely.Geometry) -> FloatArray:
-        """Return the fraction of each pixel that an area covers: exact along `FINE` lines through each pixel row.
+        """Return the fraction of each pixel that an area covers, exact along `LINES_PER_ROW` lines per pixel row.
 
-        Each crossing between an edge and a line is a step, which switches everything beyond it from outside to inside
-        or back; the fraction is the sum of these steps.
+        Where an edge crosses a line, the line enters or leaves the area; the cumulative sum of these steps is 1 inside
+        and 0 outside.
         """
         rows, columns = self.shape
-        steps = np.zeros((FINE * rows, columns + 2))
+        steps = np.zeros((LINES_PER_ROW * rows, columns + 2))
         for ring in _rings(area):
             np.add.at(steps, *self._crossings(ring))
         inside = np.cumsum(steps, axis=1)[:, :columns]
-        return np.asarray(inside.reshape(rows, FINE, columns).mean(axis=1))
+        return np.asarray(inside.reshape(rows, LINES_PER_ROW, columns).mean(axis=1))
 
     def _crossings(self, ring: FloatArray) -> tuple[tuple[IntArray, IntArray], FloatArray]:
         """Return positions and sizes of the steps where the edges of a ring (n, 2) cross the lines."""
         x = (ring[:, 0] - self.extent_mm[0]) * 1e3 / self.um_per_px
-        y = (self.extent_mm[3] - ring[:, 1]) * 1e3 / self.um_per_px * FINE - 0.5
+        y = (self.extent_mm[3] - ring[:, 1]) * 1e3 / self.um_per_px * LINES_PER_ROW - 0.5
         low, high = np.minimum(y[:-1], y[1:]), np.maximum(y[:-1], y[1:])
         first = np.ceil(low).astype(int)
         count = np.maximum(np.ceil(high).astype(int) - first, 0)
         edge = np.repeat(np.arange(count.size), count)
         line = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[edge]
-        share = (line - y[:-1][edge]) / np.diff(y)[edge]
-        at = np.clip(x[:-1][edge] + share * np.diff(x)[edge], 0.0, self.shape[1])
-        seen = (line >= 0) & (line < FINE * self.shape[0])
-        line, at, way = line[seen], at[seen], np.sign(np.diff(y))[edge][seen]
+        position = (line - y[:-1][edge]) / np.diff(y)[edge]
+        at = np.clip(x[:-1][edge] + position * np.diff(x)[edge], 0.0, self.shape[1])
+        visible = (line >= 0) & (line < LINES_PER_ROW * self.shape[0])
+        line, at, sign = line[visible], at[visible], np.sign(np.diff(y))[edge][visible]
         column = np.floor(at).astype(int)
-        beyond = at - column
+        fraction = at - column
         return (np.tile(line, 2), np.concatenate([column, column + 1])), np.concatenate(
-            [way * (1.0 - beyond), way * beyond]
+            [sign * (1.0 - fraction), sign * fraction]
         )
 
-    def seen(self, levels: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return grey levels from 0 to 1 with blur, non-uniform light and noise."""
+    def exposed(self, levels: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return grey levels from 0 to 1 with blur, non-uniform illumination and noise."""
         grey = ndimage.gaussian_filter(levels, BLUR_PX)
         across = np.linspace(-0.5, 0.5, grey.shape[1])
-        return np.clip(grey * (1.0 + UNEVEN * across) + NOISE * rng.standard_normal(grey.shape), 0.0, 1.0)
+        return np.clip(grey * (1.0 + ILLUMINATION_CHANGE * across) + NOISE * rng.standard_normal(grey.shape), 0.0, 1.0)
 
 
 def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
-    """Yield the closed rings of an area; holes run in the opposite direction to outer rings."""
-    for one in getattr(area, "geoms", [area]):
-        if not one.is_empty:
-            whole = shapely.geometry.polygon.orient(one)
-            yield from (np.asarray(ring.coords) for ring in (whole.exterior, *whole.interiors))
+    """Yield the closed rings of an area; holes have the opposite direction to outer rings."""
+    for part in getattr(area, "geoms", [area]):
+        if not part.is_empty:
+            polygon = shapely.geometry.polygon.orient(part)
+            yield from (np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors))
 
 
 def lens_image(sensor: Sensor, number: int = 0) -> bytes:
-    """Return a PNG of a design's lens as the model prints it, with the part slightly rotated."""
+    """Return a PNG of the lens of a design as the model prints it, with the part slightly rotated."""
     printed = print_design(sensor, response=False)
     body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
-    part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), TURNED_DEG, origin=(0.0, 0.0))
+    part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), PART_ANGLE_DEG, origin=(0.0, 0.0))
     view = _View(LENS_VIEW_MM, LENS_UM_PER_PX)
-    levels = GROUND + (PART - GROUND) * view.covered(part)
-    return _png(view.seen(levels, np.random.default_rng([SEED, number])))
+    levels = BACKGROUND + (PART - BACKGROUND) * view.covered(part)
+    return _png(view.exposed(levels, np.random.default_rng([SEED, number])))
 
 
 def coupon_image(coupon: Coupon) -> bytes:
@@ -113,8 +113,8 @@ def coupon_image(coupon: Coupon) -> bytes:
     view, printed = _view(coupon, COUPON_UM_PER_PX), _Printed.of(coupon)
     slab = view.covered(shapely.difference(printed.slab, shapely.union_all(printed.areas("hole"))))
     raised = view.covered(shapely.union_all([*printed.areas("pillar"), *printed.areas("mark"), *printed.bridges]))
-    levels = GROUND + (SLAB - GROUND) * slab
-    return _png(view.seen(levels + (PART - levels) * raised, np.random.default_rng(SEED)))
+    levels = BACKGROUND + (SLAB - BACKGROUND) * slab
+    return _png(view.exposed(levels + (PART - levels) * raised, np.random.default_rng(SEED)))
 
 
 def coupon_heights(coupon: Coupon) -> bytes:
@@ -123,35 +123,35 @@ def coupon_heights(coupon: Coupon) -> bytes:
 
     rng, view, printed = np.random.default_rng(SEED), _view(coupon, HEIGHT_UM_PER_PX), _Printed.of(coupon)
     um = 1e3 * printed.thickness_mm * view.covered(printed.slab)
-    for one in printed.standing("pillar", "mark"):
-        um = um + 1e3 * printed.height_mm(one) * view.covered(printed.area(one))
-    um = ndimage.gaussian_filter(um, 0.7) + ROUGH_UM * rng.standard_normal(um.shape)
-    um = um + TILT * HEIGHT_UM_PER_PX * np.arange(um.shape[1])
+    for feature in printed.standing("pillar", "mark"):
+        um = um + 1e3 * printed.height_mm(feature) * view.covered(printed.area(feature))
+    um = ndimage.gaussian_filter(um, 0.7) + ROUGHNESS_UM * rng.standard_normal(um.shape)
+    um = um + SLOPE * HEIGHT_UM_PER_PX * np.arange(um.shape[1])
     file = io.BytesIO()
-    tifffile.imwrite(file, um.astype(np.float32), description=f"{_HEAD}: {MODEL}", software="solen", compression="zlib")
+    tifffile.imwrite(file, um.astype(np.float32), description=f"{_MARK}: {MODEL}", software="solen", compression="zlib")
     return file.getvalue()
 
 
 @dataclass(frozen=True)
 class _Printed:
-    """A coupon as the default process prints it: sizes by name, 0 if a feature does not stand or is closed."""
+    """A coupon as the default process prints it: sizes keyed by name, 0 for a pillar or hole that is missing."""
 
     coupon: Coupon
     size_mm: dict[str, float]
-    smaller: float
+    scale: float
     layer_mm: float
-    lower: float
+    scale_z: float
 
     @classmethod
     def of(cls, coupon: Coupon) -> "_Printed":
         settings = default_process().process
         drawn = [feature for feature in coupon.features if feature.round]
-        asked = [("hole" if one.kind == "hole" else "pillar", one.diameter_mm) for one in drawn]
-        sizes = _sizes(asked)
+        nominal = [("hole" if feature.kind == "hole" else "pillar", feature.diameter_mm) for feature in drawn]
+        sizes = _sizes(nominal)
         gaps = _sizes([("gap", gap.gap_mm) for gap in coupon.gaps])
         return cls(
             coupon,
-            {one.name: size for one, size in zip(drawn, sizes, strict=True)}
+            {feature.name: size for feature, size in zip(drawn, sizes, strict=True)}
             | {gap.name: size for gap, size in zip(coupon.gaps, gaps, strict=True)},
             1.0 - 0.01 * settings.shrinkage_percent,
             1e-3 * settings.layer_um,
@@ -160,7 +160,7 @@ class _Printed:
 
     @property
     def thickness_mm(self) -> float:
-        return 0.0 if self.coupon.slab is None else self.lower * self.coupon.slab.thickness_mm
+        return 0.0 if self.coupon.slab is None else self.scale_z * self.coupon.slab.thickness_mm
 
     @property
     def slab(self) -> shapely.Polygon:
@@ -170,15 +170,15 @@ class _Printed:
             return shapely.Polygon()
         x, y, bevel = 0.5 * slab.width_mm, 0.5 * slab.depth_mm, slab.bevel_mm
         corners = np.array([(-x, -y), (x, -y), (x, y - bevel), (x - bevel, y), (-x, y)])
-        return shapely.Polygon(self.smaller * corners)
+        return shapely.Polygon(self.scale * corners)
 
     @property
     def bridges(self) -> list[shapely.Geometry]:
-        """Return the material that joins the pillars of closed gaps."""
+        """The material that joins the pillars of closed gaps."""
         closed = [gap for gap in self.coupon.gaps if not self.size_mm[gap.name]]
         pairs = [[self.coupon.feature(name) for name in gap.between] for gap in closed]
         return [
-            shapely.LineString([self.smaller * np.array((one.x_mm, one.y_mm)) for one in pair]).buffer(
+            shapely.LineString([self.scale * np.array((feature.x_mm, feature.y_mm)) for feature in pair]).buffer(
                 0.35 * self.size_mm[pair[0].name]
             )
             for pair in pairs
@@ -192,24 +192,24 @@ class _Printed:
         ]
 
     def areas(self, kind: str) -> list[shapely.Geometry]:
-        return [self.area(one) for one in self.standing(kind)]
+        return [self.area(feature) for feature in self.standing(kind)]
 
-    def area(self, one: Feature) -> shapely.Polygon:
-        x, y = self.smaller * one.x_mm, self.smaller * one.y_mm
-        if one.round:
-            radius = 0.5 * self.size_mm[one.name]
+    def area(self, feature: Feature) -> shapely.Polygon:
+        x, y = self.scale * feature.x_mm, self.scale * feature.y_mm
+        if feature.round:
+            radius = 0.5 * self.size_mm[feature.name]
             return shapely.Polygon(shapely.Point(x, y).buffer(radius, quad_segs=64).exterior)
-        half = 0.5 * self.smaller * np.array((one.width_mm, one.depth_mm))
+        half = 0.5 * self.scale * np.array((feature.width_mm, feature.depth_mm))
         return shapely.Polygon(shapely.box(x - half[0], y - half[1], x + half[0], y + half[1]).exterior)
 
-    def height_mm(self, one: Feature) -> float:
-        """Return the height of a column, in whole layers."""
-        return self.lower * self.layer_mm * round(one.height_mm / self.layer_mm)
+    def height_mm(self, feature: Feature) -> float:
+        """Return the height of a feature, rounded to complete layers."""
+        return self.scale_z * self.layer_mm * round(feature.height_mm / self.layer_mm)
 
 
-def _sizes(asked: Iterable[tuple[str, float]]) -> list[float]:
+def _sizes(nominal: Iterable[tuple[str, float]]) -> list[float]:
     """Return printed sizes in mm, 0 for missing features."""
-    features: Sequence[MeasuredFeature] = [MeasuredFeature(kind, mm, None, None, resolved=True) for kind, mm in asked]  # type: ignore[arg-type]
+    features: Sequence[MeasuredFeature] = [MeasuredFeature(kind, mm, None, None, resolved=True) for kind, mm in nominal]  # type: ignore[arg-type]
     return [float(size) for size in np.nan_to_num(printed_mm(default_process().process, features))]
 
 
@@ -220,8 +220,8 @@ def _view(coupon: Coupon, um_per_px: float) -> _View:
 
 
 def _png(grey: FloatArray) -> bytes:
-    """Return an 8-bit PNG whose text chunk says that it is simulated."""
-    words, file = PngImagePlugin.PngInfo(), io.BytesIO()
-    words.add_text("Description", f"{_HEAD}: {MODEL}")
-    Image.fromarray(np.rint(255.0 * grey).astype(np.uint8)).save(file, "PNG", pnginfo=words)
+    """Return an 8-bit PNG whose text chunk states that it is simulated."""
+    metadata, file = PngImagePlugin.PngInfo(), io.BytesIO()
+    metadata.add_text("Description", f"{_MARK}: {MODEL}")
+    Image.fromarray(np.rint(255.0 * grey).astype(np.uint8)).save(file, "PNG", pnginfo=metadata)
     return file.getvalue()

@@ -1,9 +1,9 @@
-"""Finished figures: the letters that each contains, and the record next to it, which prevents it from being made again.
+"""Finished figures: the letters that each contains, and the record that shows that it need not be made again.
 
-A figure depends on solen alone, because its inputs ship with it. The record therefore contains a checksum of all solen
-files and one of each written file; if both still match, the figure is finished.
+A figure depends only on solen, which ships with all inputs. The record therefore contains one checksum of all files of
+solen and one of each written file; if all of them still match, the figure is finished.
 
-Public names: `chosen`, `Record`, `read_record`, `record_text` and `code_sha256`.
+Public names: `select_figures`, `Record`, `read_record`, `record_text` and `code_sha256`.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ _ENDINGS = (".py", ".toml", ".html", ".csv")
 
 
 class Drawing(Strict):
-    """A drawing in a figure: its file, its alternative text, and its note on simulated data."""
+    """A drawing of a figure: its file, its alternative text, and its note on simulated data."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -53,12 +53,12 @@ class Record(Strict):
 
 
 def letters_of(name: str) -> set[str]:
-    """Return the names of a figure's letters: 3B, 3C and 3D for 3B-D."""
+    """Return the names of the panels of a figure: 3B, 3C and 3D for 3B-D."""
     number, first, last = _parts(name)
     return {f"{number}{chr(code)}" for code in range(ord(first), ord(last or first) + 1)} if first else {name}
 
 
-def chosen(names: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
+def select_figures(names: Sequence[str], requests: Sequence[str]) -> tuple[str, ...]:
     """Return the figures that contain the requested ones: a letter (3C), a range (3B-D), or a whole figure (3).
 
     Raises
@@ -66,25 +66,28 @@ def chosen(names: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
     SpecError
         If the paper has no such figure that software can make.
     """
-    wanted: set[str] = set()
-    for one in asked:
-        text = one.strip().replace("–", "-").replace("s", "S")
-        found = {name for name in names if _holds(name, text)}
-        if not found:
+    selected: set[str] = set()
+    for requested in requests:
+        text = requested.strip().replace("–", "-").replace("s", "S")
+        matching = {name for name in names if _matches(name, text)}
+        if not matching:
             raise SpecError(
-                "--figure", value=one, limit="is not a figure that can be made", remedy=f"one of {', '.join(names)}"
+                "--figure",
+                value=requested,
+                limit="is not a figure that can be made",
+                remedy=f"specify one of {', '.join(names)}",
             )
-        wanted |= found
-    return tuple(name for name in names if not asked or name in wanted)
+        selected |= matching
+    return tuple(name for name in names if not requests or name in selected)
 
 
-def _holds(name: str, text: str) -> bool:
+def _matches(name: str, text: str) -> bool:
     match = _NAME.fullmatch(text.upper())
     if match is None:
         return False
     number, first, _ = _parts(text.upper())
-    same = number == _parts(name)[0]
-    return same and (not first or not _parts(name)[1] or bool(letters_of(text.upper()) & letters_of(name)))
+    same_number = number == _parts(name)[0]
+    return same_number and (not first or not _parts(name)[1] or bool(letters_of(text.upper()) & letters_of(name)))
 
 
 def _parts(name: str) -> tuple[str, str | None, str | None]:
@@ -116,7 +119,7 @@ def read_record(path: Path) -> Record | None:
 
 
 def record_text(drawings: Sequence[Drawing], comparisons: Sequence[Comparison], contents: dict[str, bytes]) -> bytes:
-    """Return the text of the record of a figure and its files by name."""
+    """Return the content of the record of a figure with these files, keyed by name."""
     data = {
         "code": code_sha256(),
         "drawings": [drawing.model_dump() for drawing in drawings],

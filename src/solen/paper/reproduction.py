@@ -7,20 +7,20 @@ from solen.results import Result, reported
 
 
 class ReproducedFigure(Result):
-    """A figure of the paper as solen made it.
+    """A figure of the paper as reproduced by solen.
 
     Attributes
     ----------
     name, title
-        Its name (``3B-D``), and what it shows.
+        Its name (``3B-D``) and what it shows.
     commands
         Commands that make this figure alone.
     drawings
-        Pictures of the figure.
+        Drawings of the figure.
     comparisons
-        Statements of the paper with solen's numbers.
+        Statements in the paper, each with the value computed by solen.
     made
-        Whether this run made it; a figure finished earlier is kept.
+        Whether this run made the figure; figures finished earlier are kept.
     """
 
     name: str
@@ -32,14 +32,14 @@ class ReproducedFigure(Result):
 
 
 class Reproduction(Result):
-    """The paper's figures from a run of solen.
+    """The figures of the paper, reproduced by solen.
 
     Attributes
     ----------
     figures
         The finished figures.
     not_made
-        Names of the other figures.
+        Names of the figures that are not finished.
     """
 
     figures: tuple[ReproducedFigure, ...]
@@ -50,17 +50,17 @@ class Reproduction(Result):
 
     @reported
     def agrees(self) -> int:
-        """Number of statements in the paper that agree."""
+        """Number of statements in the paper that agree with solen."""
         return self._count(AGREES)
 
     @reported
     def differs(self) -> int:
-        """Number of statements that differ."""
+        """Number of statements in the paper that differ from solen."""
         return self._count(DIFFERS)
 
     @reported
     def cannot_be_checked(self) -> int:
-        """Number of statements that rest on data that are not published."""
+        """Number of statements that depend on unpublished data."""
         return self._count(UNCHECKED)
 
     @reported
@@ -70,7 +70,7 @@ class Reproduction(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings that a reader of the comparison needs to know."""
+        """Warnings for readers of the comparison."""
         return (
             note(
                 "data that the paper does not publish were simulated; figures made from them "

@@ -1,4 +1,4 @@
-"""Numbers of simulated measurements for comparison with the paper, each with its standard uncertainty."""
+"""Values from simulated measurements for comparison with the paper, each with its standard uncertainty."""
 
 from pathlib import Path
 
@@ -21,12 +21,12 @@ PRISTINE, MODIFIED = KINDS
 
 def least_transmittance_percent(index: LayerIndex) -> tuple[float, float]:
     """Return the smallest transmittance over the paper's range."""
-    there = (index.wavelength_nm >= RANGE_NM[0]) & (index.wavelength_nm <= RANGE_NM[1])
-    return 100.0 * float(index.T[there].min()), 100.0 * NOISE
+    in_range = (index.wavelength_nm >= RANGE_NM[0]) & (index.wavelength_nm <= RANGE_NM[1])
+    return 100.0 * float(index.T[in_range].min()), 100.0 * NOISE
 
 
 def paper_exposure() -> tuple[float, float]:
-    """Return the default process's irradiance in mW/cm² and burn-in exposure in s, which are the paper's values."""
+    """Return the irradiance in mW/cm² and the burn-in exposure in s of the default process, taken from the paper."""
     settings = default_process().process
     return settings.irradiance_mW_per_cm2, settings.burn_in_s
 
@@ -39,8 +39,10 @@ def depth_at(curve: MeasuredCurve, dose_mJ_per_cm2: float) -> tuple[float, float
 def modulus_change(measured: MeasuredStiffness) -> tuple[float, float]:
     """Return the modulus of the modified resin minus that of the pristine resin, in MPa."""
     by_label = {material.label: material for material in measured.materials}
-    one, other = by_label[MODIFIED], by_label[PRISTINE]
-    return one.modulus_MPa - other.modulus_MPa, float(np.hypot(one.u_modulus_MPa or 0.0, other.u_modulus_MPa or 0.0))
+    modified, pristine = by_label[MODIFIED], by_label[PRISTINE]
+    return modified.modulus_MPa - pristine.modulus_MPa, float(
+        np.hypot(modified.u_modulus_MPa or 0.0, pristine.u_modulus_MPa or 0.0)
+    )
 
 
 def mean_change_percent(listing: Listing) -> tuple[float, float]:
@@ -62,8 +64,8 @@ def range_nm(listing: Listing) -> dict[str, float]:
 
 def slope_percent_per_s(trends: ExposureTrends) -> tuple[float | None, float]:
     """Return the slope of transmittance against exposure at the longest evaluated wavelength."""
-    line = max(trends.wavelengths, key=lambda one: one.wavelength_nm).trend_T
-    return (None, 0.0) if line is None else (100.0 * line.slope_per_s, 100.0 * (line.u_slope_per_s or 0.0))
+    trend = max(trends.wavelengths, key=lambda item: item.wavelength_nm).trend_T
+    return (None, 0.0) if trend is None else (100.0 * trend.slope_per_s, 100.0 * (trend.u_slope_per_s or 0.0))
 
 
 def smallest_um(measured: CouponMeasurement, kind: str) -> tuple[float | None, float]:

@@ -1,4 +1,4 @@
-"""Values for traced, recorded and measured sensors to compare with the paper, each with its standard uncertainty."""
+"""Values of traced and of recorded sensors for comparison with the paper, each with its standard uncertainty."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,14 +19,14 @@ LED, POINT = "solen-860", "paper-860"
 """Shipped designs: an LED with its chip, in space, and the paper's point source in the plane."""
 
 
-class Turned(NamedTuple):
-    """Contrast of a sensor at −3°, 0° and +3°, and their standard uncertainties."""
+class Contrasts(NamedTuple):
+    """Contrasts of a sensor at −3°, 0° and +3°, and their standard uncertainties."""
 
     contrast: tuple[float, ...]
     u_contrast: tuple[float, ...]
 
     @property
-    def apart(self) -> tuple[float, float]:
+    def separation(self) -> tuple[float, float]:
         """Contrast at −3° minus contrast at +3°."""
         return self.contrast[0] - self.contrast[-1], float(np.hypot(self.u_contrast[0], self.u_contrast[-1]))
 
@@ -36,26 +36,26 @@ def shipped(name: str) -> Sensor:
     return Sensor.of(loads(template(name)))
 
 
-def turned(sensor: Sensor) -> Turned:
-    """Return a sensor's contrasts, computed from power, at the paper's three angles."""
-    found = sensor.power([-SIDE_DEG, 0.0, SIDE_DEG])
-    return Turned(tuple(found.contrast.tolist()), tuple(found.u_contrast.tolist()))
+def contrasts(sensor: Sensor) -> Contrasts:
+    """Return the contrasts of a sensor at the three angles of the paper."""
+    power = sensor.power([-SIDE_DEG, 0.0, SIDE_DEG])
+    return Contrasts(tuple(power.contrast.tolist()), tuple(power.u_contrast.tolist()))
 
 
-def saturated_from_deg(sensor: Sensor) -> float | None:
+def saturation_deg(sensor: Sensor) -> float | None:
     """Return the angle from the null beyond which the contrast is saturated."""
     return sensor.smooth(sensor.power()).saturation_deg()
 
 
-def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float, float]:
-    """Return the quotient of two numbers with independent uncertainties, and its uncertainty."""
-    value = part[0] / whole[0]
-    return value, float(np.hypot(part[1], value * whole[1])) / abs(whole[0])
+def ratio(part: tuple[float, float], total: tuple[float, float]) -> tuple[float, float]:
+    """Return the quotient of two values with independent uncertainties, and its uncertainty."""
+    value = part[0] / total[0]
+    return value, float(np.hypot(part[1], value * total[1])) / abs(total[0])
 
 
-def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float]:
-    """Return the contrast difference between both rotations without the lens, as a percentage of that with the lens."""
-    value, u = ratio(turned(point.without_lens).apart, with_lens.apart)
+def percent_without_lens(point: Sensor, with_lens: Contrasts) -> tuple[float, float]:
+    """Return the separation of the contrasts without the lens, as a percentage of that with the lens."""
+    value, u = ratio(contrasts(point.without_lens).separation, with_lens.separation)
     return 100.0 * value, 100.0 * u
 
 
@@ -77,17 +77,17 @@ def control_percent(study: Study) -> tuple[float, float]:
 
     The uncertainty is obtained from the scatter between sensors.
     """
-    lens, beside = study.mean_of_sensors, study.lens_beside_none
-    if lens is None or beside is None:
+    lens, comparisons = study.mean_of_sensors, study.lens_beside_none
+    if lens is None or comparisons is None:
         raise ValueError("the recording contains no sensor without a lens")
-    shares = [one.without_lens_percent for one in beside.values()]
-    scatter = [abs(lens.receivers[side].sd_swing_V / lens.receivers[side].swing_V) for side in beside]
-    mean = float(np.mean(shares))
+    percents = [comparison.without_lens_percent for comparison in comparisons.values()]
+    scatter = [abs(lens.receivers[side].sd_swing_V / lens.receivers[side].swing_V) for side in comparisons]
+    mean = float(np.mean(percents))
     return mean, mean * float(np.mean(scatter)) / float(np.sqrt(lens.n))
 
 
-def of_the_rig(study: Study) -> dict[str, float]:
-    """Return the sensors with a lens in a recording, and the number of readings per second."""
+def rig_numbers(study: Study) -> dict[str, float]:
+    """Return the number of sensors with a lens in a recording, and the number of readings per second."""
     times = _first_run(study).signals.time_s
     with_lens = sum(sensor.lens is not False for sensor in study.sensors.values())
     return {"sensors": float(with_lens), "modulation": 1.0 / float(np.median(np.diff(times)))}
@@ -98,19 +98,21 @@ def _first_run(study: Study) -> Run:
 
 
 def _hold_s(run: Run) -> tuple[float, float]:
-    """Return the mean hold time away from 0, with an uncertainty from the scatter and the reading period."""
+    """Return the mean duration of the holds at ±3°, with an uncertainty from the scatter and the reading period."""
     signals, motion = run.signals, run.motion
-    away = [
+    holds_s = [
         float(np.ptp(signals.time_s[start:stop]))
         for start, stop in motion.holds
         if stop > start and abs(float(np.median(signals.angle_deg[start:stop])) - motion.rest_deg) > 0.5 * SIDE_DEG
     ]
-    period_s = float(np.median(np.diff(signals.time_s)))  # a hold begins and ends somewhere within one
-    return float(np.mean(away)), float(np.hypot(np.std(away, ddof=1) / np.sqrt(len(away)), period_s / np.sqrt(6.0)))
+    period_s = float(np.median(np.diff(signals.time_s)))  # both ends of a hold are known to one period
+    return float(np.mean(holds_s)), float(
+        np.hypot(np.std(holds_s, ddof=1) / np.sqrt(len(holds_s)), period_s / np.sqrt(6.0))
+    )
 
 
-def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
-    """Return cycles, cycles used, speed in °/s, half range in degrees and hold time in s, with uncertainties."""
+def protocol_numbers(study: Study) -> dict[str, tuple[float, float]]:
+    """Return the cycles, the cycles used, the speed, half of the range and the hold time, each with its uncertainty."""
     response, run = next(iter(study.sensors.values())), _first_run(study)
     motion = run.motion
     return {
@@ -122,15 +124,15 @@ def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
     }
 
 
-def deviation_um(found: LensInspection | FacesInspection) -> tuple[float, float, float]:
-    """Return a lens's rms deviation from its design, with u, and from the nearest other design, in µm."""
-    one = found.last_layer if isinstance(found, FacesInspection) else found
-    others = sorted(design.rms_um for design in one.designs.values())
-    return one.deviation.rms_um, one.deviation.u_rms_um, others[1]
+def deviation_um(inspected: LensInspection | FacesInspection) -> tuple[float, float, float]:
+    """Return the RMS deviation of a lens from its design with its u, and that from the nearest other design, in µm."""
+    inspection = inspected.last_layer if isinstance(inspected, FacesInspection) else inspected
+    other_rms_um = sorted(design.rms_um for design in inspection.designs.values())
+    return inspection.deviation.rms_um, inspection.deviation.u_rms_um, other_rms_um[1]
 
 
 def received_percent(traced: NetworkTrace) -> tuple[float, float]:
     """Return the percentage of an emitter's light that reaches the receivers, averaged over the emitters."""
-    shares: Sequence[float] = traced.power[0].sum(axis=1)
-    u = np.sqrt((traced.u_power[0] ** 2).sum()) / len(shares)
-    return 100.0 * float(np.mean(shares)), 100.0 * float(u)
+    percents: Sequence[float] = traced.power[0].sum(axis=1)
+    u = np.sqrt((traced.u_power[0] ** 2).sum()) / len(percents)
+    return 100.0 * float(np.mean(percents)), 100.0 * float(u)

@@ -1,10 +1,10 @@
-"""The paper's statements with their locations, and whether solen's numbers agree.
+"""The statements in the paper with their locations, and whether the values computed by solen agree with them.
 
-One table contains every number in the paper, and one rule decides. The uncertainty of a reported number is that of its
-last digit (a rectangular distribution of that width). A value within two combined standard uncertainties **agrees**,
-and beyond them **differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is
-equally certain. "Negligible" is read as below 5 % of the effect with which the value is compared. A statement based on
-unpublished data **cannot be checked**, whatever solen simulates in its place.
+``statements.toml`` contains every number in the paper, and one rule decides. The uncertainty of a reported number is
+that of its last digit (a rectangular distribution of that width). A value within two combined standard uncertainties
+**agrees**, and one outside them **differs**; a bound differs if it is missed by more than that; a direction agrees if
+its sign is equally certain. "Negligible" is interpreted as below 5 % of the effect with which the value is compared. A
+statement based on unpublished data **cannot be checked**, whatever solen simulates instead.
 
 Public names: `compared` and `Comparison`.
 """
@@ -23,8 +23,8 @@ Verdict = Literal["agrees", "differs", "cannot be checked"]
 AGREES: Final = "agrees"
 DIFFERS: Final = "differs"
 UNCHECKED: Final = "cannot be checked"
-SURE = 2.0
-"""Number of combined standard uncertainties beyond which two numbers differ."""
+COVERAGE_FACTOR = 2.0
+"""Number of combined standard uncertainties by which two values may differ and still agree."""
 NEGLIGIBLE_PERCENT = 5.0
 
 
@@ -51,33 +51,33 @@ class Statement(Strict):
         return (self.resolution or 0.0) / math.sqrt(12.0)
 
     def verdict(self, number: float | None, u: float) -> Verdict:
-        """Return whether a number from the run agrees with the statement."""
+        """Return whether a computed value agrees with the statement."""
         if self.kind == "measured" or number is None or not math.isfinite(number):
             return UNCHECKED
         if self.kind in {"positive", "negative"}:
             signed = number if self.kind == "positive" else -number
-            return AGREES if signed > SURE * u else DIFFERS if signed < -SURE * u else UNCHECKED
+            return AGREES if signed > COVERAGE_FACTOR * u else DIFFERS if signed < -COVERAGE_FACTOR * u else UNCHECKED
         if self.kind == "negligible":
-            return AGREES if abs(number) - SURE * u <= NEGLIGIBLE_PERCENT else DIFFERS
-        off, sure = number - (self.value or 0.0), SURE * math.hypot(u, self.u_value)
-        return AGREES if (off >= -sure if self.kind == "above" else abs(off) <= sure) else DIFFERS
+            return AGREES if abs(number) - COVERAGE_FACTOR * u <= NEGLIGIBLE_PERCENT else DIFFERS
+        deviation, tolerance = number - (self.value or 0.0), COVERAGE_FACTOR * math.hypot(u, self.u_value)
+        return AGREES if (deviation >= -tolerance if self.kind == "above" else abs(deviation) <= tolerance) else DIFFERS
 
 
 class Comparison(Result):
-    """A statement of the paper and solen's number.
+    """A statement in the paper and the value computed by solen.
 
     Attributes
     ----------
     key, figure, panel
         Key, figure and panel of the statement.
     paper, place
-        The statement of the paper, and its place.
+        The statement, and its location in the paper.
     paper_value, u_paper_value
-        The stated number and its uncertainty from the last digit; None without a number.
+        The reported value and its uncertainty, from the last digit; None if the statement contains no value.
     quantity, unit
-        Quantity that solen computed, and its unit.
+        The quantity computed by solen, and its unit.
     solen_value, u_solen_value
-        Its number and standard uncertainty; None if there is none.
+        The computed value, None if there is none, and its standard uncertainty.
     verdict
         ``agrees``, ``differs`` or ``cannot be checked``.
     why
@@ -101,34 +101,34 @@ class Comparison(Result):
 
 @cache
 def statements() -> dict[str, Statement]:
-    """Return all statements by their keys."""
+    """Return all statements, keyed by ``key``."""
     text = (files("solen.paper") / "statements.toml").read_text(encoding="utf-8")
     return {row["key"]: Statement(**row) for row in tomllib.loads(text)["statement"]}
 
 
-def stated(key: str) -> float:
-    """Return the number in a statement."""
+def paper_value(key: str) -> float:
+    """Return the value reported in a statement."""
     value = statements()[key].value
     if value is None:
         raise KeyError(key)
     return value
 
 
-def compared(key: str, number: float | None, u: float = 0.0, **of_the_run: Any) -> Comparison:
-    """Compare a statement with a number from the run; ``of_the_run`` are the numbers used in its reason."""
-    one = statements()[key]
+def compared(key: str, number: float | None, u: float = 0.0, **reason_values: Any) -> Comparison:
+    """Compare a statement with a computed value; ``reason_values`` are inserted into the reason."""
+    statement = statements()[key]
     return Comparison(
         key=key,
-        figure=one.figure,
-        panel=one.panel,
-        paper=one.words,
-        place=one.place,
-        paper_value=one.value,
-        u_paper_value=None if one.value is None else one.u_value,
-        quantity=one.quantity,
-        unit=one.unit,
+        figure=statement.figure,
+        panel=statement.panel,
+        paper=statement.words,
+        place=statement.place,
+        paper_value=statement.value,
+        u_paper_value=None if statement.value is None else statement.u_value,
+        quantity=statement.quantity,
+        unit=statement.unit,
         solen_value=number,
         u_solen_value=u,
-        verdict=one.verdict(number, u),
-        why=one.why.format(**of_the_run),
+        verdict=statement.verdict(number, u),
+        why=statement.why.format(**reason_values),
     )

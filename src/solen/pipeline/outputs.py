@@ -1,4 +1,4 @@
-"""Files that a command writes: figures, and its result as JSON. This module imports nothing large."""
+"""Files that a command writes: figures, and its result as JSON. This module imports no large packages."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping
@@ -37,22 +37,24 @@ def write(
     result
         The result; ``out`` contains it as JSON.
     kind
-        Kind of the result, stated in its file for the commands that read it: ``index``, ``cutback``, ``cure``.
+        Kind of the result, which its file contains for the commands that read it: ``index``, ``cutback``, ``cure``.
     out
         File of the result, or None.
     further
-        Further files by their names in the outcome: path or None, and a function that returns the content.
+        Further files, keyed by their names in the outcome: path or None, and a function that returns the content.
     figure
-        File and look of the figure that `solen.report.plot` draws of the result.
+        File and style of the figure of the result, which `solen.report.plot` draws.
     """
     contents = drawn(result, figure, kind)
-    chosen = {name: (path, content) for name, (path, content) in (further or {}).items() if path is not None}
+    requested = {name: (path, content) for name, (path, content) in (further or {}).items() if path is not None}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | result.to_dict()
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    contents |= {path: content() for path, content in chosen.values()}
+    contents |= {path: content() for path, content in requested.values()}
     files.write_all(contents)
-    return Outcome(result, named(figure=figure.figure, **{name: path for name, (path, _) in chosen.items()}, out=out))
+    return Outcome(
+        result, named(figure=figure.figure, **{name: path for name, (path, _) in requested.items()}, out=out)
+    )
 
 
 def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Content]:
@@ -63,11 +65,11 @@ def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Con
     return {} if path is None else {path: figure_bytes(lambda: figure_of(result), path, kind, figure)}
 
 
-def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, look: FigureOptions) -> bytes:
-    """Return the content of a figure's file; ``kind`` distinguishes its internal names from those of other figures."""
+def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, options: FigureOptions) -> bytes:
+    """Return the content of a figure file; ``kind`` distinguishes its internal names from those of other figures."""
     from solen.report import canvas
 
-    return canvas.encoded(canvas.drawn(draw, look), path.suffix.lower(), kind, look.dpi)
+    return canvas.encoded(canvas.drawn(draw, options), path.suffix.lower(), kind, options.dpi)
 
 
 def toml_bytes(text: str, command: str) -> bytes:
@@ -76,7 +78,7 @@ def toml_bytes(text: str, command: str) -> bytes:
 
 
 def named(**paths: Path | None) -> dict[str, Path]:
-    """Return the files of an outcome by name, without those that were not requested."""
+    """Return the requested files of an outcome, keyed by name."""
     return {name: path for name, path in paths.items() if path is not None}
 
 
@@ -87,15 +89,15 @@ def check_ending(path: Path | None, what: str, *endings: str) -> None:
 
 
 def check_new(path: Path | None, *, force: bool) -> None:
-    """Raise `OutputError` if a file exists and must not be replaced, because it may contain measurements."""
+    """Raise `OutputError` if a file exists, because it may contain measurements; ``force`` allows replacing it."""
     if path is None or force:
         return
     try:
         exists = path.exists()
-    except OSError:  # a name that is too long: writing will say so
+    except OSError:  # a name that is too long; writing reports it
         return
     if exists:
-        raise OutputError(str(path), limit="exists already", remedy="name another file, or add --force")
+        raise OutputError(str(path), limit="already exists", remedy="specify another file, or add --force")
 
 
 def check_out(out: Path | None) -> None:
@@ -104,7 +106,7 @@ def check_out(out: Path | None) -> None:
 
 
 def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
-    """Raise `OutputError` if the readings file is not named .csv, or exists and could therefore be a recording."""
+    """Raise `OutputError` if a table of readings is not named .csv, or exists and may therefore be a recording."""
     check_ending(out, what, ".csv")
     check_sources([out], [Path(source)])
     check_new(out, force=force)
@@ -115,7 +117,7 @@ def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]
     read = {path.resolve() for path in sources if path is not None}
     for path in targets:
         if path is not None and path.resolve() in read:
-            raise OutputError(str(path), limit="is an input file", remedy="name another file")
+            raise OutputError(str(path), limit="is an input file", remedy="specify another file")
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

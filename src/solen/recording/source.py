@@ -139,7 +139,7 @@ class Source:
 
 def load(path: Path) -> Source:
     """Read the bytes of a file; raise `DataError` if it is unreadable, empty or larger than `MAX_MB`."""
-    data = read_bytes(path, DataError, most_mb=MAX_MB, smaller="export fewer channels or a shorter period")
+    data = read_bytes(path, DataError, max_mb=MAX_MB, remedy="export fewer channels or a shorter period")
     return Source(path, data)
 
 

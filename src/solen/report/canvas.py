@@ -1,7 +1,7 @@
-"""The style and encoding of figures; a file's bytes depend only on the drawn values.
+"""Style and encoding of figures; the bytes of a file depend only on the drawn values.
 
 Each figure module draws with the colours and `series` below, at any size; `drawn` applies the style and fits the figure
-to its page. `encoded` returns the file's bytes.
+to its page. `encoded` returns the bytes of the file.
 """
 
 import io
@@ -61,50 +61,50 @@ STYLE: dict[Any, Any] = {
 
 def series(number: int, *, dots: bool = False) -> dict[str, Any]:
     """Return the style for a series number: colour and dashes, or colour and marker."""
-    place = number % len(SERIES)
-    return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
+    index = number % len(SERIES)
+    return {"color": SERIES[index]} | ({"marker": MARKERS[index], "ls": ""} if dots else {"ls": LINES[index]})
 
 
-def receiver(name: str, place: int = 0) -> dict[str, Any]:
-    """Return a receiver curve's style: the colour and triangle for its side, or a style by position for others."""
+def receiver(name: str, index: int = 0) -> dict[str, Any]:
+    """Return the style of a receiver curve: colour and triangle of its side, or those at an index if it has no side."""
     side = SIDES.get(side_of(name) or "")
-    colour, marker = side or (SERIES[2:][place % len(SERIES[2:])], MARKERS[1:][place % len(MARKERS[1:])])
+    colour, marker = side or (SERIES[2:][index % len(SERIES[2:])], MARKERS[1:][index % len(MARKERS[1:])])
     return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}
 
 
 def draw_repeats(
-    axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **more: Any
+    axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **style_options: Any
 ) -> None:
-    """Draw repeated curves, each with x and y of shape (n,), as thin lines, and their mean with its SD as a band."""
-    look = series(number) | more
+    """Draw repeated curves, each with x and y (n,), as thin lines, and their mean with a band of one SD."""
+    options = series(number) | style_options
     if len(curves) == 1:
-        axes.plot(*curves[0], **look, label=label)
+        axes.plot(*curves[0], **options, label=label)
         return
     low, high = max(float(np.min(x)) for x, _ in curves), min(float(np.max(x)) for x, _ in curves)
-    x = np.unique(np.concatenate([along[(along >= low) & (along <= high)] for along, _ in curves]))
-    rows = np.array([np.interp(x, along[order], y[order]) for along, y in curves for order in [np.argsort(along)]])
+    x = np.unique(np.concatenate([xs[(xs >= low) & (xs <= high)] for xs, _ in curves]))
+    rows = np.array([np.interp(x, xs[order], y[order]) for xs, y in curves for order in [np.argsort(xs)]])
     mean, sd = rows.mean(axis=0), rows.std(axis=0, ddof=1)
-    for along, y in curves:
-        axes.plot(along, y, color=look["color"], lw=0.4, alpha=0.4)
-    axes.fill_between(x, mean - sd, mean + sd, color=look["color"], alpha=0.2, lw=0)
-    axes.plot(x, mean, **look, label=None if label is None else f"{label}: mean ± SD of {len(curves)}")
+    for xs, y in curves:
+        axes.plot(xs, y, color=options["color"], lw=0.4, alpha=0.4)
+    axes.fill_between(x, mean - sd, mean + sd, color=options["color"], alpha=0.2, lw=0)
+    axes.plot(x, mean, **options, label=None if label is None else f"{label}: mean ± SD of {len(curves)}")
 
 
-def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
+def style(options: FigureOptions = FigureOptions()) -> dict[Any, Any]:
     """Return the matplotlib settings for the figure options; raise `SpecError` if the font is not installed."""
     installed = {font.name.casefold(): font.name for font in fontManager.ttflist}
     names = [name for name in FONTS if name.casefold() in installed]
-    if look.font is not None:
-        if look.font.casefold() not in installed:
-            raise SpecError("--font", value=look.font, limit="is not installed", remedy="name an installed font")
-        names.insert(0, installed[look.font.casefold()])
-    return STYLE | {"font.size": look.size_pt, "font.sans-serif": names}
+    if options.font is not None:
+        if options.font.casefold() not in installed:
+            raise SpecError("--font", value=options.font, limit="is not installed", remedy="name an installed font")
+        names.insert(0, installed[options.font.casefold()])
+    return STYLE | {"font.size": options.size_pt, "font.sans-serif": names}
 
 
-def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> Figure:
+def drawn(draw: Callable[[], Figure], options: FigureOptions = FigureOptions()) -> Figure:
     """Return a figure in the common style, fitted to its page."""
-    with mpl.rc_context(style(look)):
-        return finish(draw(), look)
+    with mpl.rc_context(style(options)):
+        return finish(draw(), options)
 
 
 def svg(figure: Figure, salt: str) -> str:
@@ -113,12 +113,12 @@ def svg(figure: Figure, salt: str) -> str:
 
 
 def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
-    """Return a file's bytes in one of the `KINDS`, with the figure's titles in the metadata and no date."""
+    """Return the bytes of a file of one of the `KINDS`, with the titles of the figure in the metadata and no date."""
     data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
-        if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same
-            stated = {"Date": None, "Creator": None} | ({"Title": title} if title else {})
-            FigureCanvasSVG(figure).print_svg(data, metadata=stated)  # type: ignore[no-untyped-call]  # matplotlib's own
+        if suffix == ".svg":  # savefig would draw it twice, once for the layout, with the same result
+            metadata = {"Date": None, "Creator": None} | ({"Title": title} if title else {})
+            FigureCanvasSVG(figure).print_svg(data, metadata=metadata)  # type: ignore[no-untyped-call]  # matplotlib's own
         elif suffix == ".pdf":
             figure.savefig(data, format="pdf", metadata={"CreationDate": None, "Title": title or None})
         elif suffix == ".eps":
@@ -137,15 +137,15 @@ def _without_transparency(figure: Figure) -> None:
     """Blend translucent colours with white, because PostScript has no transparency and would draw them opaque."""
     for artist in _all(figure):
         for part in ("facecolor", "edgecolor", "color"):
-            get, put = getattr(artist, f"get_{part}", None), getattr(artist, f"set_{part}", None)
-            if get is None or put is None:
+            get_colour, set_colour = getattr(artist, f"get_{part}", None), getattr(artist, f"set_{part}", None)
+            if get_colour is None or set_colour is None:
                 continue
-            colours = to_rgba_array(get())
+            colours = to_rgba_array(get_colour())
             if len(colours) and (colours[:, 3] < 1.0).any() and (colours[:, 3] > 0.0).any():
                 colours[:, :3] = 1.0 - colours[:, 3:] * (1.0 - colours[:, :3])
                 colours[:, 3] = colours[:, 3] > 0.0
                 artist.set_alpha(None)
-                put(colours if len(colours) > 1 else tuple(colours[0]))
+                set_colour(colours if len(colours) > 1 else tuple(colours[0]))
 
 
 def _all(artist: Artist) -> Iterator[Artist]:

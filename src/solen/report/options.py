@@ -16,7 +16,7 @@ MIN_PT = 6.0
 """Smallest font size, as journals require."""
 LETTERS_LIMIT = "must be one letter: A, a or (a)"
 Limits = tuple[str | None, str, float, float]
-"""Panel (None for all), axis name (x or y), and the ends of the axis."""
+"""Panel (None for all), name of the axis (x or y), and ends of the axis."""
 
 
 class FigureOptions(Options):
@@ -64,33 +64,33 @@ class FigureOptions(Options):
         OutputError
             If a figure has an unknown extension.
         SpecError
-            If a style is stated without a figure, or limits are malformed.
+            If a style option is given without a figure, or limits are malformed.
         """
         files = [file for file in (self.figure, *others) if file is not None]
-        stated = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
-        if stated and not files:
+        given = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
+        if given and not files:
             raise SpecError(
-                f"--{stated[0].replace('_', '-')}", limit="applies only to a figure", remedy="add --figure FILE"
+                f"--{given[0].replace('_', '-')}", limit="applies only to a figure", remedy="add --figure FILE"
             )
         for file in files:
             if file.suffix.lower() not in KINDS:
                 raise OutputError(str(file), limit=f"a figure must end in {', '.join(KINDS)}", remedy="rename it")
-        if files and "dpi" in stated and not any(file.suffix.lower() in PIXELS for file in files):
+        if files and "dpi" in given and not any(file.suffix.lower() in PIXELS for file in files):
             limit = f"applies to {', '.join(PIXELS)}, and {files[0].name} has no pixels"
-            raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="leave it out")
+            raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="omit it")
         self.ends()
 
 
 def _ends(text: str) -> Limits:
-    place, _, ends = text.partition("=")
-    panel, _, axis = place.strip().rpartition(".")
-    low, _, high = ends.partition(":")
+    target, _, ends = text.partition("=")
+    panel, _, axis = target.strip().rpartition(".")
+    first, _, last = ends.partition(":")
     try:
-        least, most = float(low), float(high)
+        low, high = float(first), float(last)
     except ValueError:
-        least = most = 0.0
-    if axis not in {"x", "y"} or (panel and not panel.isalpha()) or not 0.0 < abs(most - least) < math.inf:
+        low = high = 0.0
+    if axis not in {"x", "y"} or (panel and not panel.isalpha()) or not 0.0 < abs(high - low) < math.inf:
         raise SpecError(
-            "--limits", value=text, limit="is not an axis with two ends", remedy="write as x=400:900 or B.y=0:1"
+            "--limits", value=text, limit="must be an axis and two numbers", remedy="write as x=400:900 or B.y=0:1"
         )
-    return panel.upper() or None, axis, least, most
+    return panel.upper() or None, axis, low, high

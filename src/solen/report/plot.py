@@ -64,28 +64,28 @@ FIGURES = {
     "Tolerances": "explore.tolerance:tolerance_figure",
     "TunedPrint": "print.tune:tune_figure",
 }
-"""Functions in the other modules of this package that draw one result, by the name of the result's type."""
+"""Functions of this package that draw a result, keyed by the name of the type of the result."""
 
 
-def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
+def plot(result: Any, options: "FigureOptions | None" = None) -> "Figure":
     """Draw the figure of a result in solen's style; a notebook shows it, ``savefig`` writes it.
 
     Parameters
     ----------
     result
         Result of a stage or a command.
-    look
-        Width, lettering, panels, limits of axes; no file is written.
+    options
+        Width, lettering, panels and limits of axes; no file is written.
 
     Raises
     ------
     OutputError
-        If there is no figure for such a result.
+        If no figure exists for this type of result.
     SpecError
-        If ``look`` names a panel that does not exist, or a font that is not installed.
+        If ``options`` names a panel that does not exist, or a font that is not installed.
     """
     canvas = import_module("solen.report.canvas")
-    figure: Figure = canvas.drawn(lambda: figure_of(result), *([] if look is None else [look]))
+    figure: Figure = canvas.drawn(lambda: figure_of(result), *([] if options is None else [options]))
     return figure
 
 

@@ -6,8 +6,8 @@ next. An interface with the same region on both sides (a mirror, a wall, a recei
 
 All ends are grouped into vertices by sorting, and nearly all vertices can be checked from the region names alone. The
 curves themselves are needed in only two cases: where three or more curves meet, to find their order around the vertex;
-and where the regions do not fit, because the end may then lie in the interior of another curve, which counts as leaving
-that vertex in both directions.
+and where the regions do not fit, because the end may then lie in the interior of another curve, which is treated as two
+branches, one in each direction.
 
 Errors that only a comparison of complete areas would reveal are not detected, for example a closed body inside a medium
 that differs from the one named for its outer side. `solen.scene.overlaps` checks that no two curves coincide or cross.
@@ -23,6 +23,7 @@ import numpy as np
 from solen.arrays import FloatArray, IndexArray
 from solen.curve import END_TOLERANCE_MM, Arc, Curve
 from solen.errors import DesignError
+from solen.geometry.body import place_text
 from solen.plane import Point, along, cross, dot, left_of, right_of
 
 if TYPE_CHECKING:  # the model calls this module
@@ -36,13 +37,13 @@ ROUNDING = 1e-14
 """Tolerance relative to the largest coordinate; it exceeds `TOLERANCE_MM` for coordinates above 2 m.
 
 Trigonometric functions and rigid motions have rounding errors of about 1e-15 of a coordinate. The centre of an arc
-counts as a coordinate, because the ends of a flat arc are no more accurate than its centre.
+is included, because the ends of a flat arc are no more accurate than its centre.
 """
-APART_RAD = 1e-3
+NEAR_TANGENT_RAD = 1e-3
 """Curves whose directions at a vertex differ by less than this are ordered by their directions slightly further
 along.
 """
-TIED_RAD = 1e-9
+COLLINEAR_RAD = 1e-9
 """Curves whose directions still differ by less than this are treated as collinear: any order that fits is accepted."""
 BACK_MM = 1.0
 """Distance from the tested point at which the test ray starts when checking whether the point lies on a curve."""
@@ -103,7 +104,7 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
         nearest other end. Also if the media around a vertex do not fit; the message gives two neighbouring interfaces
         and the regions that they name.
     """
-    if all(_free(interface) for interface in interfaces):
+    if all(_within_one_medium(interface) for interface in interfaces):
         return
     ends = np.array([interface.curve.points(ENDS) for interface in interfaces]).reshape(-1, 2)
     tolerance_mm = tolerance_of(interfaces, ends)
@@ -116,15 +117,15 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
     boxes = _boxes(interfaces, tolerance_mm)
     for vertex in doubtful:
         through = _passing(vertex, interfaces, boxes, tolerance_mm)
-        vertex.extend(_Branch(interface, vertex[0].at, way) for interface in through for way in (True, False))
+        vertex.extend(_Branch(interface, vertex[0].at, forwards) for interface in through for forwards in (True, False))
         if _fits(vertex):
             continue
-        boundary = [branch for branch in vertex if not _free(branch.interface)]
+        boundary = [branch for branch in vertex if not _within_one_medium(branch.interface)]
         raise _gap(boundary[0], interfaces, partners) if len(boundary) == 1 else _misfit(vertex, through)
 
 
-def _free(interface: "Interface") -> bool:
-    """Whether the interface has the same region on both sides."""
+def _within_one_medium(interface: "Interface") -> bool:
+    """Whether the interface has the same region on both sides, and may therefore have free ends."""
     return interface.left == interface.right
 
 
@@ -155,20 +156,20 @@ def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
     points.
     """
     labels = np.zeros(len(points), dtype=np.intp)
-    parts = 0
-    while parts < (parts := int(labels.max()) + 1):
+    count = 0
+    while count < (count := int(labels.max()) + 1):
         for axis in (0, 1):
             order = np.lexsort((points[:, axis], labels))
             with np.errstate(over="ignore"):  # differences of coordinates of 1e308 may overflow
-                apart = np.diff(points[order, axis]) > tolerance_mm
-            labels[order[1:]] = np.cumsum(apart | (np.diff(labels[order]) > 0))
+                separated = np.diff(points[order, axis]) > tolerance_mm
+            labels[order[1:]] = np.cumsum(separated | (np.diff(labels[order]) > 0))
             labels[order[0]] = 0
     return labels
 
 
 def _fits(vertex: list[_Branch]) -> bool:
     """Whether each region around a vertex ends where the next begins; walls within one medium may have free ends."""
-    if all(_free(branch.interface) for branch in vertex):
+    if all(_within_one_medium(branch.interface) for branch in vertex):
         return True
     return len(vertex) > 1 and all(a.after == b.before for a, b in _neighbours(vertex))
 
@@ -193,13 +194,13 @@ def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
     """Branches in counter-clockwise order, with collinear branches in one group."""
     angles = [branch.angle(0.0) for branch in vertex]
     order, gaps = _sorted(angles)
-    if min(gaps) < APART_RAD:
+    if min(gaps) < NEAR_TANGENT_RAD:
         # if tangents agree, curvature decides; the step is so short that no curves cross within it
         step_mm = 1e-3 * min(_size_mm(branch.interface.curve) for branch in vertex)
         order, gaps = _sorted([branch.angle(step_mm) for branch in vertex])
     groups: list[list[_Branch]] = []
     for i, gap in zip(order, gaps, strict=True):
-        if gap < TIED_RAD and groups:
+        if gap < COLLINEAR_RAD and groups:
             groups[-1].append(vertex[i])
         else:
             groups.append([vertex[i]])
@@ -254,29 +255,28 @@ def passes_through(curve: Curve, point: Point, tolerance_mm: float) -> bool:
 def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list[_Branch]]) -> DesignError:
     """Return the error for a boundary with a free end."""
     name = branch.interface.name
-    others = ([b for b in group if b is not branch and not _free(b.interface)] for group in partners)
+    others = ([b for b in group if b is not branch and not _within_one_medium(b.interface)] for group in partners)
     other = min(next(filter(None, others)), key=lambda other: math.dist(other.at, branch.at))
-    gap_mm, what = math.dist(other.at, branch.at), f"{other.end} of {other.interface.name}"
-    side_mm, side = _nearest_side(branch, interfaces)
-    if side_mm < 0.1 * gap_mm:  # so much closer that the boundary was probably meant to end there
-        gap_mm, what = side_mm, f"side of {side}"
+    gap_mm, target = math.dist(other.at, branch.at), f"{other.end} of {other.interface.name}"
+    extension_mm, side = _nearest_side(branch, interfaces)
+    if extension_mm < 0.1 * gap_mm:  # so much closer that the boundary was probably meant to end there
+        gap_mm, target = extension_mm, f"side of {side}"
     return DesignError(
         f"interface {name}",
-        value=f"not closed at its {branch.end}",
-        limit=f"a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the {what}; the "
-        f"interface separates {branch.interface.left} and {branch.interface.right}, so another "
-        "boundary must continue from this end",
+        limit=f"is not closed at its {branch.end}: there is a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the "
+        f"{target}; the interface separates {branch.interface.left} and {branch.interface.right}, so another boundary "
+        "must continue from this end",
         remedy="join the ends, specify the same region on both sides, or set open_media",
     )
 
 
 def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
-    """Return the smallest change of length with which a boundary would end on another, and the name of the other."""
+    """Return the length by which a boundary must at least be extended to end on another, and the name of the other."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
     nearest_side = [(math.inf, "")]
     for interface in interfaces:
-        if interface.name != branch.interface.name and not _free(interface):
+        if interface.name != branch.interface.name and not _within_one_medium(interface):
             for direction in (out, (-out[0], -out[1])):
                 nearest_side.extend((t, interface.name) for t in interface.curve.hits(branch.at, direction))
     return min(nearest_side)
@@ -290,12 +290,7 @@ def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
         remedy = f"divide {' and '.join(interface.name for interface in through)} at this point, or {remedy}"
     return DesignError(
         f"interfaces {a.interface.name} and {b.interface.name}",
-        value=f"media do not fit at {place_text(a.at)}",
-        limit=f"in the sector between them, {a.interface.name} names {a.after} and {b.interface.name} names {b.before}",
+        limit=f"media do not fit at {place_text(a.at)}: in the sector between them, {a.interface.name} specifies "
+        f"{a.after} and {b.interface.name} specifies {b.before}",
         remedy=remedy,
     )
-
-
-def place_text(point: Point) -> str:
-    """Return the text that error messages use for a point."""
-    return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"

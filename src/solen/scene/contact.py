@@ -22,7 +22,7 @@ from solen.scene.model import Behaviour, Interface, Region
 from solen.spec import Wall
 
 SMOOTH = 0.02
-"""Sine of the largest corner angle that counts as smooth; the outer edges of both faces then meet on the angle
+"""Sine of the largest corner angle that is treated as smooth: the outer edges of both faces then meet on the angle
 bisector.
 """
 OUTER_POINTS = 65
@@ -31,7 +31,7 @@ FLAT_MM = 1e-4
 """Maximum deviation of the polylines used to check pads for overlaps."""
 OVERLAP_MM2 = 1e-7
 EXACT_MM = 1e-12
-"""Maximum depth error for which an outer edge still counts as exact."""
+"""Maximum depth error with which an outer edge is treated as an exact arc."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def _joined(before: Pad, behind: Pad) -> bool:
         x, z = behind.face.curve.start
         raise DesignError(
             f"wall {before.wall.outside}",
-            value=f"turns inwards from {before.face.name} to {behind.face.name} at x = {x:.4g}, z = {z:.4g} mm",
-            limit=f"a pad {before.wall.depth_mm:g} mm deep would overlap itself there",
+            limit=f"turns inwards from {before.face.name} to {behind.face.name} at x = {x:.4g}, z = {z:.4g} mm, "
+            f"where a pad {before.wall.depth_mm:g} mm deep would overlap itself",
             remedy="end the treated part of the wall before the corner",
         )
     return before.wall is behind.wall
@@ -148,8 +148,8 @@ def _corner(before: Face, behind: Face) -> Point | None:
         return None
     corner = behind.curve.start
     first, last = before.curve.normal_at(corner), behind.curve.normal_at(corner)
-    both = (first[0] + last[0], first[1] + last[1])
-    return (-2.0 * both[0] / dot(both, both), -2.0 * both[1] / dot(both, both))
+    bisector = (first[0] + last[0], first[1] + last[1])
+    return (-2.0 * bisector[0] / dot(bisector, bisector), -2.0 * bisector[1] / dot(bisector, bisector))
 
 
 def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
@@ -176,15 +176,15 @@ def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None)
     points = curve.points(u)
     normals = _normals(curve, u)
     outer = points - depth_mm * normals
-    off_first = np.zeros(2) if first is None else depth_mm * (np.asarray(first) + normals[0])
-    off_last = np.zeros(2) if last is None else depth_mm * (np.asarray(last) + normals[-1])
-    outer += np.outer(1.0 - u, off_first) + np.outer(u, off_last)
+    shift_first = np.zeros(2) if first is None else depth_mm * (np.asarray(first) + normals[0])
+    shift_last = np.zeros(2) if last is None else depth_mm * (np.asarray(last) + normals[-1])
+    outer += np.outer(1.0 - u, shift_first) + np.outer(u, shift_last)
     if np.any(np.sum(np.diff(outer, axis=0) * np.diff(points, axis=0), axis=1) <= 0.0):
         limit = f"{face.name} curves inwards with a radius below {depth_mm:g} mm"
         raise DesignError("wall.depth_mm", value=depth_mm, limit=limit, remedy="reduce the depth")
     if isinstance(curve, Segment):
         return Segment((float(outer[0, 0]), float(outer[0, 1])), (float(outer[-1, 0]), float(outer[-1, 1])))
-    if isinstance(curve, Arc) and max(np.abs(off_first).max(), np.abs(off_last).max()) < EXACT_MM:
+    if isinstance(curve, Arc) and max(np.abs(shift_first).max(), np.abs(shift_last).max()) < EXACT_MM:
         outwards = 1.0 if curve.sweep_deg > 0.0 else -1.0
         return Arc(curve.center, curve.radius_mm + outwards * depth_mm, curve.start_deg, curve.sweep_deg)
     return Spline.through(outer)
@@ -205,19 +205,18 @@ def _check_pads(body: Body, pads: Sequence[Pad]) -> None:
     from solen.geometry import material
 
     solid, shapes = material(body, FLAT_MM), [shapely.Polygon(_ring(pad)) for pad in pads]
-    things: list[tuple[str, shapely.LineString | shapely.Point]] = [
+    obstacles: list[tuple[str, shapely.LineString | shapely.Point]] = [
         (face.name, shapely.LineString(face.curve.flattened(FLAT_MM))) for face in body.apart
     ]
-    things.append(("the emitter", shapely.Point(body.emitter.point)))
+    obstacles.append(("the emitter", shapely.Point(body.emitter.point)))
     for i, (pad, shape) in enumerate(zip(pads, shapes, strict=True)):
         others = [("the body", solid), *((p.face.name, s) for p, s in list(zip(pads, shapes, strict=True))[:i])]
-        hit = next((name for name, other in others if shape.intersection(other).area > OVERLAP_MM2), None)
-        hit = hit or next((name for name, thing in things if shape.intersects(thing)), None)
-        if hit is not None or not shape.is_valid:
+        touched = next((name for name, other in others if shape.intersection(other).area > OVERLAP_MM2), None)
+        touched = touched or next((name for name, obstacle in obstacles if shape.intersects(obstacle)), None)
+        if touched is not None or not shape.is_valid:
             raise DesignError(
                 f"wall {pad.wall.outside}",
-                value=f"on {pad.face.name}, {pad.wall.depth_mm:g} mm deep",
-                limit=f"reaches into {hit or 'itself'}",
+                limit=f"the pad on {pad.face.name}, {pad.wall.depth_mm:g} mm deep, reaches into {touched or 'itself'}",
                 remedy="reduce depth_mm, or shorten the treated part of the wall",
             )
 

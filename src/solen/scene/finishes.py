@@ -1,4 +1,4 @@
-"""Wall finishes, by the name used in ``wall.finish`` of a design.
+"""Wall finishes, keyed by the name that a design specifies in ``wall.finish``.
 
 Another package adds a finish with an entry point of the group ``solen.finishes``, for example with a table of measured
 values::
@@ -47,14 +47,12 @@ class Finish:
             check_range("finish wavelength_nm", self.wavelength_nm[1], self.wavelength_nm[0])
 
     def check_at(self, what: str, name: str, wavelengths_nm: tuple[float, ...]) -> None:
-        """Raise `DesignError` if the finish was not measured at all of these wavelengths."""
+        """Raise `DesignError` if one of these wavelengths is outside the measured range."""
         for nm in wavelengths_nm:
             if self.wavelength_nm is not None and not self.wavelength_nm[0] <= nm <= self.wavelength_nm[1]:
                 low, high = self.wavelength_nm
-                limit = f"{name} was measured from {low:g} to {high:g} nm"
-                raise DesignError(
-                    what, value=f"light of {nm:g} nm", limit=limit, remedy="use another finish or emitter"
-                )
+                limit = f"was measured from {low:g} to {high:g} nm, but the light has {nm:g} nm"
+                raise DesignError(what, value=name, limit=limit, remedy="use another finish or emitter")
 
 
 FINISHES: registry.Registry[Finish] = registry.Registry(
@@ -62,4 +60,4 @@ FINISHES: registry.Registry[Finish] = registry.Registry(
     {"clear": Finish("refracting"), "mirror": Finish("mirror"), "black": Finish("absorbing")},
     Finish,
 )
-"""Finishes by name."""
+"""Finishes, keyed by name."""

@@ -113,7 +113,7 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
 
 
 def _fields(item: Any) -> dict[str, Any]:
-    """Yield the fields of an object that differ from their defaults; fields common to all sources come last."""
+    """Return the fields of an object that differ from their defaults; fields common to all sources come last."""
     ordered = sorted(dataclasses.fields(item), key=lambda field: field.kw_only is True)
     fields = {field.name: (getattr(item, field.name), field.default) for field in ordered}
     return {name: _plain(value) for name, (value, default) in fields.items() if value != default or name == "kind"}

@@ -22,7 +22,7 @@ from solen.geometry import Front
 from solen.material import Dispersion
 from solen.plane import Point
 from solen.scene.closed_media import check_closed
-from solen.scene.overlaps import ON_IT_MM, check_overlaps, overlap_mm
+from solen.scene.overlaps import LINE_TOLERANCE_MM, check_overlaps, overlap_mm
 from solen.scene.sources import Source
 from solen.scene.surface import Surface
 
@@ -57,9 +57,8 @@ class Region:
             return self.index
         if wavelength_nm is None:
             raise DesignError(
-                f"region {self.name}",
-                value="depends on the wavelength",
-                limit="every source requires a spectrum",
+                f"region {self.name} index",
+                limit="depends on the wavelength, so every source requires a spectrum",
                 remedy="specify a spectrum for the sources, or a constant index for the region",
             )
         return self.index.index(wavelength_nm)
@@ -97,7 +96,7 @@ class Monitor:
         what = f"monitor {self.name}"
         check_points(what, self.start, self.end)
         if self.start == self.end:
-            raise DesignError(what, value=f"from {self.start} to itself", limit="must have a length above 0")
+            raise DesignError(f"{what} end", value=self.end, limit="must differ from the start")
         check_count(f"{what} bins", self.bins, 0)
 
     @property
@@ -185,10 +184,10 @@ class Scene:
 
     def _check_wavelengths(self) -> None:
         """Check that all sources or none have a spectrum, and that each region has an index at each wavelength."""
-        silent = [source for source in self.sources if not source.spectrum]
-        if self.wavelengths_nm and silent:
-            limit = "either all sources of a scene must have a spectrum, or none"
-            raise DesignError("source spectrum", value=f"missing in {len(silent)} of {len(self.sources)}", limit=limit)
+        without = [source for source in self.sources if not source.spectrum]
+        if self.wavelengths_nm and without:
+            limit = f"is missing in {len(without)} of {len(self.sources)} sources: all of them must have one, or none"
+            raise DesignError("source spectrum", limit=limit)
         for region in self.regions:
             for wavelength_nm in self.wavelengths_nm or (None,):
                 region.index_at(wavelength_nm)
@@ -198,61 +197,54 @@ class Scene:
         names = {region.name for region in self.regions}
         for side in (interface.left, interface.right):
             if side not in names:
-                raise DesignError(what, value=side, limit=f"there is no such region, only {', '.join(sorted(names))}")
+                raise DesignError(what, value=side, limit=f"must be a region: {', '.join(sorted(names))}")
         if interface.behaviour not in BEHAVIOURS:
-            raise DesignError(what, value=interface.behaviour, limit=f"must be one of {', '.join(BEHAVIOURS)}")
-        if (interface.behaviour == "receiver") != (interface.receiver is not None):
             raise DesignError(
-                what,
-                value=interface.receiver,
-                limit="a receiver must name its receiver, and no other interface may do so",
+                f"{what} behaviour", value=interface.behaviour, limit=f"must be one of {', '.join(BEHAVIOURS)}"
             )
+        if (interface.behaviour == "receiver") != (interface.receiver is not None):
+            limit = "must be the name of a receiver if the behaviour is receiver, and must be omitted otherwise"
+            raise DesignError(f"{what} receiver", value=interface.receiver, limit=limit)
         self._check_surface(interface)
 
     def _check_surface(self, interface: Interface) -> None:
         """Raise `DesignError` if a surface has a property that does not apply to its interface."""
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
-        is_ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
+        ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
         absorbs, coated = behaviour in ("absorbing", "receiver"), surface.coating is not None
         ruled, tables = behaviour == "grating", [t for t in (surface.table, surface.table_right) if t is not None]
         transmits = any(any(table.transmitted + table.transmitted_p) for table in tables)
-        both = "has only one table, but light from its two sides comes from different media"
         straight, one_medium = isinstance(interface.curve, Segment), interface.left == interface.right
-        refusals = (
-            (behaviour == "lens" and not focuses, None, "a lens needs surface.focal_mm"),
-            (
-                behaviour == "splitter" and interface.surface is None,
-                None,
-                "a splitter requires a surface with a transmitted fraction",
-            ),
-            (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
-            (focuses and not straight, "focal_mm", "an ideal element must be a straight segment"),
+        faults = (
+            (behaviour == "lens" and not focuses, "focal_mm", "is required by a lens"),
+            (behaviour == "splitter" and interface.surface is None, "transmitted", "is required by a splitter"),
+            (ideal and not one_medium, "", f"is a {behaviour}, which must have the same region on both sides"),
+            (focuses and not straight, "focal_mm", "requires a straight segment"),
             (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
-            (absorbs and (surface.is_random or coated), behaviour, "must have no scatter, texture or coating"),
-            (coated and behaviour != "refracting", behaviour, "a coating requires a refracting interface"),
-            (
-                ruled != (surface.grating is not None),
-                behaviour,
-                "surface.grating applies only to gratings, which require it",
-            ),
-            (ruled and (surface.scatter or surface.texture), behaviour, "a grating has no scatter or texture"),
-            (tables and behaviour not in ("refracting", "mirror"), behaviour, "cannot have a table"),
+            (absorbs and (surface.is_random or coated), "", "absorbs light, so it cannot scatter or have a coating"),
+            (coated and behaviour != "refracting", "coating", "requires a refracting interface"),
+            (ruled and surface.grating is None, "grating", "is required by behaviour grating"),
+            (surface.grating is not None and not ruled, "grating", f"does not apply to behaviour {behaviour}"),
+            (ruled and (surface.scatter or surface.texture), "grating", "cannot have scatter or a texture"),
+            (tables and behaviour not in ("refracting", "mirror"), "table", f"does not apply to behaviour {behaviour}"),
             (tables and (coated or focuses), "table", "cannot be combined with coating or focal_mm"),
-            (transmits and behaviour == "mirror", "table", "a mirror cannot transmit light"),
-            (transmits and surface.table_right is None and not one_medium, "table", both),
+            (transmits and behaviour == "mirror", "table", "of a mirror cannot transmit light"),
+            (
+                transmits and surface.table_right is None and not one_medium,
+                "table_right",
+                "is required, because the media on the two sides differ",
+            ),
         )
-        for wrong, value, limit in refusals:
+        for wrong, key, limit in faults:
             if wrong:
-                raise DesignError(what, value=value, limit=limit)
+                raise DesignError(f"{what} surface.{key}" if key else what, limit=limit)
         if (coated or ruled) and not self.wavelengths_nm:
-            limit = f"a {'coating' if coated else 'grating'} needs wavelengths"
-            raise DesignError(
-                what, value="sources without spectrum", limit=limit, remedy="specify a spectrum for the sources"
-            )
+            limit = f"has a {'coating' if coated else 'grating'}, so its effect depends on the wavelength"
+            raise DesignError(what, limit=limit, remedy="specify a spectrum for the sources")
         if interface.height_mm is not None:
             check_numbers(f"{what} height_mm", *interface.height_mm)
             if not interface.height_mm[0] < interface.height_mm[1]:
-                raise DesignError(what, value=interface.height_mm, limit="height_mm must be in ascending order")
+                raise DesignError(f"{what} height_mm", value=interface.height_mm, limit="must be in ascending order")
 
     @property
     def is_random(self) -> bool:
@@ -271,31 +263,26 @@ class Scene:
             return
         what, wall = "scene front", {i.name: i for i in self.interfaces}.get(self.front.interface)
         if self.extrusion is None:
-            raise DesignError(
-                what,
-                value="in the plane",
-                limit="a face in space requires an extruded scene",
-                remedy="specify an extrusion",
-            )
+            raise DesignError(what, limit="requires an extruded scene", remedy="specify an extrusion")
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
-            limit = "must replace an interface that is refracting, smooth and bare"
-            raise DesignError(what, value=self.front.interface, limit=limit)
+            limit = "must be the name of an interface that is refracting, smooth and bare"
+            raise DesignError(f"{what} interface", value=self.front.interface, limit=limit)
         if self.extrusion.thickness_mm != self.front.lens.thickness_mm:
-            limit = f"was designed for a body {self.front.lens.thickness_mm:g} mm thick"
-            raise DesignError(what, value=f"{self.extrusion.thickness_mm:g} mm", limit=limit)
+            limit = f"must be {self.front.lens.thickness_mm:g} mm, for which the scene front was designed"
+            raise DesignError("extrusion thickness_mm", value=self.extrusion.thickness_mm, limit=limit)
         if self.monitors:
-            raise DesignError(
-                what, value=f"{len(self.monitors)} monitors", limit="a scene with a face in space cannot have monitors"
-            )
+            raise DesignError("scene monitors", limit="cannot be combined with a face in space")
 
     def _check_monitor(self, monitor: Monitor) -> None:
         """Raise `DesignError` if a monitor overlaps an interface: rounding would then determine what it measures."""
         for interface in self.interfaces:
-            if isinstance(interface.curve, Segment) and overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
+            if (
+                isinstance(interface.curve, Segment)
+                and overlap_mm(interface.curve, monitor.segment) > LINE_TOLERANCE_MM
+            ):
                 raise DesignError(
                     f"monitor {monitor.name}",
-                    value=f"lies on interface {interface.name}",
-                    limit="a monitor must not overlap any interface",
+                    limit=f"must not overlap an interface, but lies on {interface.name}",
                     remedy="move it slightly to the side where light is to be measured",
                 )
 
@@ -311,8 +298,8 @@ def _check_region(region: Region) -> None:
 
 
 def _unique(what: str, names: Iterable[str]) -> None:
-    seen: set[str] = set()
+    known: set[str] = set()
     for name in names:
-        if name in seen:
+        if name in known:
             raise DesignError(f"scene {what}", value=name, limit="must be unique", remedy="rename one")
-        seen.add(name)
+        known.add(name)

@@ -15,21 +15,22 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import CubicChain, Curve, Segment
 from solen.errors import DesignError
+from solen.geometry.body import place_text
 from solen.plane import Point, cross, dot, minus, unit
-from solen.scene.closed_media import ENDS, SAMPLES, passes_through, place_text, tolerance_of
+from solen.scene.closed_media import ENDS, SAMPLES, passes_through, tolerance_of
 
 if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
 
-REMEMBERED = 4096
+CACHE_SIZE = 4096
 """Number of cached curves, and of cached pairs of curves; most of them do not change from one scene of a sweep to the
 next.
 """
-INSIDE = 1.0 / 64.0
+TEST_OFFSET = 1.0 / 64.0
 """Distance from the end of a curve, as a fraction of its parameter range, at which a point is tested for lying on
 another curve.
 """
-ON_IT_MM = 1e-9
+LINE_TOLERANCE_MM = 1e-9
 """A point within this distance of a straight line is taken to lie on the line."""
 
 
@@ -49,16 +50,15 @@ def check_overlaps(interfaces: Sequence["Interface"]) -> None:
         first, second = interfaces[i], interfaces[j]
         at = _common(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            raise _error(
-                first, second, f"overlap at {place_text(at)}", "rounding would determine which of them a ray meets"
-            )
+            limit = f"overlap at {place_text(at)}, so rounding would determine which of them a ray meets"
+            raise _error(first, second, limit)
         at = None if _may_cross(first, second) else _crossing(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            limit = "beyond the crossing, one of them borders the wrong medium"
-            raise _error(first, second, f"cross at {place_text(at)}", limit)
+            limit = f"cross at {place_text(at)}, so one of them borders the wrong medium on one side of the crossing"
+            raise _error(first, second, limit)
 
 
-@lru_cache(maxsize=REMEMBERED)
+@lru_cache(maxsize=CACHE_SIZE)
 def _polyline(curve: Curve) -> FloatArray:
     return curve.points(ENDS if isinstance(curve, Segment) else SAMPLES)
 
@@ -73,7 +73,7 @@ def _shared(a: Segment, b: Segment) -> tuple[float, float]:
     """Interval in mm along the first segment that the second covers; an empty one ends at or before its start."""
     direction = unit(minus(a.b, a.a))
     starts = (minus(b.a, a.a), minus(b.b, a.a))
-    if any(abs(cross(direction, start)) > ON_IT_MM for start in starts):
+    if any(abs(cross(direction, start)) > LINE_TOLERANCE_MM for start in starts):
         return 0.0, 0.0
     low, high = sorted(dot(direction, start) for start in starts)
     return max(low, 0.0), min(high, a.length_mm)
@@ -99,7 +99,7 @@ def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tu
         yield from ((min(i, j), max(i, j)) for j in others[meet].tolist())
 
 
-@lru_cache(maxsize=REMEMBERED)
+@lru_cache(maxsize=CACHE_SIZE)
 def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
     """Return a point in the overlap of two curves, or None if they do not overlap.
 
@@ -111,17 +111,17 @@ def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
         return a.point_at(0.5 * (low + high) / a.length_mm) if high - low > tolerance_mm else None
     if type(a) is not type(b) and not (isinstance(a, CubicChain) or isinstance(b, CubicChain)):
         return None
-    for one, other in ((a, b), (b, a)):
-        for end, inside in ((0.0, INSIDE), (1.0, 1.0 - INSIDE)):
-            at = one.point_at(inside)
-            if passes_through(other, at, tolerance_mm) and passes_through(other, one.point_at(end), tolerance_mm):
+    for curve, other in ((a, b), (b, a)):
+        for end, inside in ((0.0, TEST_OFFSET), (1.0, 1.0 - TEST_OFFSET)):
+            at = curve.point_at(inside)
+            if passes_through(other, at, tolerance_mm) and passes_through(other, curve.point_at(end), tolerance_mm):
                 return at
     return None
 
 
-@lru_cache(maxsize=REMEMBERED)
+@lru_cache(maxsize=CACHE_SIZE)
 def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """Return a point where two curves cross other than at their ends, or None."""
+    """Return a point away from their ends where two curves cross, or None."""
     if isinstance(a, Segment) and isinstance(b, Segment):
         sides = [cross(minus(c.b, c.a), minus(end, c.a)) for c, d in ((a, b), (b, a)) for end in (d.a, d.b)]
         if not (sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0):
@@ -130,9 +130,9 @@ def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
         return None
     from solen.scene.rayoptics.intersections import crossings  # that package imports scenes
 
-    places = [a.point_at(u) for u, _ in crossings(a, b, tolerance_mm)]
+    points = [a.point_at(u) for u, _ in crossings(a, b, tolerance_mm)]
     ends = (a.start, a.end, b.start, b.end)
-    return next((at for at in places if min(math.dist(at, end) for end in ends) > tolerance_mm), None)
+    return next((at for at in points if min(math.dist(at, end) for end in ends) > tolerance_mm), None)
 
 
 def _lines_cross(p: FloatArray, q: FloatArray) -> bool:
@@ -144,7 +144,7 @@ def _lines_cross(p: FloatArray, q: FloatArray) -> bool:
 def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Intersect the lines through the chords of two polylines (N + 1, 2) and (M + 1, 2).
 
-    Returns three arrays (N, M): the position along the chord of the first polyline (0 to 1 within the chord), the
+    Return three arrays (N, M): the position along the chord of the first polyline (0 to 1 within the chord), the
     position along the chord of the second, and the sine of the angle between the chords. For parallel chords the
     positions are infinite or NaN.
     """
@@ -157,6 +157,6 @@ def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, F
         return s, t, slant / (np.hypot(*np.moveaxis(dp, 2, 0)) * np.hypot(*np.moveaxis(dq, 2, 0)))
 
 
-def _error(first: "Interface", second: "Interface", value: str, limit: str) -> DesignError:
+def _error(first: "Interface", second: "Interface", limit: str) -> DesignError:
     remedy = "let both media share a single interface, or leave a gap between the bodies"
-    return DesignError(f"interfaces {first.name} and {second.name}", value=value, limit=limit, remedy=remedy)
+    return DesignError(f"interfaces {first.name} and {second.name}", limit=limit, remedy=remedy)

@@ -34,8 +34,8 @@ from solen.spec import Design, Wall
 AIR = Region("air", 1.0)
 BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
-"""Behaviour of a face by the first word of its name; all other faces refract."""
-ROOM = 1.1
+"""Behaviour of a face, keyed by the first word of its name; all other faces refract."""
+CIRCLE_MARGIN = 1.1
 """Radius of the circle from which ambient light comes, divided by the radius of the circle around the sensor."""
 
 
@@ -47,7 +47,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     light that arrives from inside is detected. With ``"air-gap"`` the end of the arm is a bare face, and the receiver,
     which is as wide as the arm, is ``gap_mm`` in front of it; light that reaches the back of the receiver is absorbed,
     not detected. Parts of walls listed in the design's wall tables have the finish specified there, and a pad of the
-    medium that touches them.
+    touching medium.
 
     If a wall is coated, or a film of air separates it from the medium touching it, the emitter has the wavelength of
     the design. With ``dimension = "extruded"`` the entire scene extends over the thickness of the body, and light that
@@ -61,8 +61,8 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     light = light_of(design)
     emitter = _emitter(design, light, body.emitter, rays)
     for number, wall in enumerate(design.wall):
-        lit_nm = tuple(nm for nm, _ in emitter.spectrum) or (light.wavelength_nm,)
-        FINISHES[wall.finish].check_at(f"wall[{number}].finish", wall.finish, lit_nm)
+        wavelengths_nm = tuple(nm for nm, _ in emitter.spectrum) or (light.wavelength_nm,)
+        FINISHES[wall.finish].check_at(f"wall[{number}].finish", wall.finish, wavelengths_nm)
     index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
     used = {name for interface in interfaces for name in (interface.left, interface.right)}
     outside = [region for region in pad_regions(design.wall) if region.name in used]
@@ -79,23 +79,23 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
 
 
 def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
-    """Return the source of a light: a fan or a chip if the uniformly spaced angles of the paper suffice."""
-    stated = design.emitter.rays if rays is None else rays
+    """Return the source of a light; for a fan pattern, a `Fan` or `Chip` with uniformly spaced angles."""
+    count = design.emitter.rays if rays is None else rays
     if light.ray_file is not None:
-        some = stated if rays is not None or design.emitter.states("rays") else None
-        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, some)
+        selected = count if rays is not None or design.emitter.states("rays") else None
+        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, selected)
     width_mm = light.width_mm or pose.width_mm
     if light.pattern == "fan" and width_mm == 0.0:
-        return Fan(pose.point, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+        return Fan(pose.point, pose.axis_deg, light.cone_deg, count, spectrum=light.spectrum)
     if light.pattern == "fan":
-        return Chip(pose.point, width_mm, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+        return Chip(pose.point, width_mm, pose.axis_deg, light.cone_deg, count, spectrum=light.spectrum)
     pattern: Pattern = Isotropic()
     if light.pattern == "lambertian":
         pattern = CosinePower(light.exponent)
     elif light.pattern == "table":
         pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
     size = (light.cone_deg, width_mm, light.height_mm, design.emitter.y_mm)
-    return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
+    return Emitter(pose.point, pose.axis_deg, count, pattern, *size, spectrum=light.spectrum)
 
 
 def _ambient(
@@ -105,8 +105,8 @@ def _ambient(
 
     The number of ambient rays is scaled by ``rays`` divided by the ray count of the design's emitter.
     """
-    stated = design.ambient
-    if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
+    ambient = design.ambient
+    if not (ambient.power > 0.0 or ambient.irradiance_per_mm > 0.0):
         return ()
     if design.trace.dimension == "extruded":
         limit = "is modelled only in the plane: in space, light would also enter through the top and bottom"
@@ -114,19 +114,19 @@ def _ambient(
     points = np.vstack([interface.curve.flattened() for interface in interfaces] + [[emitter]])
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = (0.5 * (low + high)).tolist()
-    radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
-    power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
-    many = stated.rays if rays is None else max(1, round(stated.rays * rays / design.emitter.rays))
-    return (Ambient((x, z), radius_mm, many, design.body.thickness_mm, power=power, spectrum=spectrum),)
+    radius_mm = CIRCLE_MARGIN * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
+    power = ambient.power or ambient.irradiance_per_mm * 2.0 * math.pi * radius_mm
+    count = ambient.rays if rays is None else max(1, round(ambient.rays * rays / design.emitter.rays))
+    return (Ambient((x, z), radius_mm, count, design.body.thickness_mm, power=power, spectrum=spectrum),)
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
-    """Return the spectrum if anything in the scene depends on it, otherwise none, because that is traced faster."""
+    """Return the spectrum if the scene depends on it; otherwise an empty one, which is traced faster."""
     surfaces = [interface.surface for interface in interfaces if interface.surface is not None]
-    matters = any(isinstance(region.index, Dispersion) for region in regions) or any(
+    is_dispersive = any(isinstance(region.index, Dispersion) for region in regions) or any(
         surface.coating is not None or surface.band_nm is not None for surface in surfaces
     )
-    return spectrum if matters else ()
+    return spectrum if is_dispersive else ()
 
 
 def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
@@ -139,8 +139,8 @@ def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
     wall = walls[face.wall]
     finish = FINISHES[wall.finish]
     surface = finish.surface if wall.finish_is_added else _surface(wall)
-    kept = None if surface == Surface() else surface
-    return Interface(face.name, face.curve, left, wall.outside, finish.behaviour, surface=kept)
+    treatment = None if surface == Surface() else surface
+    return Interface(face.name, face.curve, left, wall.outside, finish.behaviour, surface=treatment)
 
 
 def _surface(wall: Wall) -> Surface:

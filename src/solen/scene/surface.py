@@ -64,7 +64,10 @@ class Lambertian:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """Scatter of the fraction ``share`` about the smooth direction: exp(−Δ²/2σ²) in direction cosines Δ."""
+    """The fraction ``share`` is scattered with the profile exp(−Δ²/2σ²).
+
+    Δ is the difference in direction cosine from the direction of the smooth surface.
+    """
 
     sigma: float
     share: float = 1.0
@@ -77,7 +80,7 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class HarveyShack:
-    """The fraction ``share`` is scattered with the profile (1 + (Δ/shoulder)²)^(−slope/2) in direction cosines Δ.
+    """The fraction ``share`` is scattered with the profile (1 + (Δ/shoulder)²)^(−slope/2), Δ as for `Gaussian`.
 
     This is Harvey's shift-invariant model (J. E. Harvey, 1976), specified by its shoulder and the slope of its wing.
     """
@@ -95,10 +98,10 @@ class HarveyShack:
 
 @dataclass(frozen=True)
 class ScatterTable:
-    """Scatter of the fraction ``share`` with a measured ``density`` at each ``offset`` Δ in direction cosines.
+    """The fraction ``share`` is scattered with a measured ``density`` at each ``offset`` Δ, defined as for `Gaussian`.
 
-    Offsets increase from 0 to at most 2; the density is linear in between and 0 beyond the last. Densities are
-    relative, as in a measured BSDF: only their ratios matter.
+    Offsets increase from 0 to at most 2; the density is linear in between and 0 beyond the last. Only the ratios of
+    densities matter, as in a measured BSDF.
     """
 
     offset: tuple[float, ...]
@@ -145,21 +148,19 @@ class AngleTable:
                 _check_column(f"surface table {name}", getattr(self, name), self.angle_deg, 1.0)
         for angle_deg, reflected_s, reflected_p, transmitted_s, transmitted_p in self.rows:
             most = max(reflected_s + transmitted_s, reflected_p + transmitted_p)
-            if most > 1.0 + SHARES:
-                limit = (
-                    f"the sum of the reflected and transmitted fractions must be at most 1, also at {angle_deg:g} deg"
-                )
-                raise DesignError("surface table", value=most, limit=limit)
+            if most > 1.0 + ROUNDING:
+                limit = "the sum of the reflected and transmitted fractions must be at most 1"
+                raise DesignError(f"surface table at {angle_deg:g} deg", value=most, limit=limit)
 
     @property
     def rows(self) -> tuple[tuple[float, float, float, float, float], ...]:
         """Angle in degrees, fractions reflected in s and p, fractions transmitted in s and p."""
-        on = self.transmitted or (0.0,) * len(self.angle_deg)
-        columns = (self.reflected, self.reflected_p or self.reflected, on, self.transmitted_p or on)
+        transmitted = self.transmitted or (0.0,) * len(self.angle_deg)
+        columns = (self.reflected, self.reflected_p or self.reflected, transmitted, self.transmitted_p or transmitted)
         return tuple(zip(self.angle_deg, *columns, strict=True))
 
 
-SHARES = 1e-9
+ROUNDING = 1e-9
 """Rounding error by which the sum of fractions may exceed 1."""
 
 
@@ -167,9 +168,9 @@ def _check_axis(what: str, values: tuple[float, ...], most: float, full: bool) -
     check_numbers(what, *values)
     ends = len(values) > 1 and values[0] == 0.0 and (values[-1] == most if full else values[-1] <= most)
     if not ends or any(a >= b for a, b in pairwise(values)):
-        shown = f"{len(values)} values" + (f" from {values[0]:g} to {values[-1]:g}" if values else "")
-        reach = f"0 to {most:g}" if full else f"0 to at most {most:g}"
-        raise DesignError(what, value=shown, limit=f"must be two or more numbers that ascend from {reach}")
+        given = f"{len(values)} values" + (f" from {values[0]:g} to {values[-1]:g}" if values else "")
+        span = f"0 to {most:g}" if full else f"0 to at most {most:g}"
+        raise DesignError(what, value=given, limit=f"must be two or more numbers in ascending order, from {span}")
 
 
 def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...], most: float) -> None:
@@ -182,18 +183,20 @@ def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...],
 
 @dataclass(frozen=True)
 class Grating:
-    """A thin grating in the plane: order m adds m times the grating wave number to the tangential wave number.
+    """A thin diffraction grating in the plane, with its grooves along y.
 
-    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light direction, from either side.
+    Diffraction order m obeys the grating equation n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm``. Angles are positive to
+    the right as seen along the incident light, from whichever side it comes.
 
     Attributes
     ----------
     orders
-        Number of each order and its fraction of the incident light, the same at all angles; the remaining light, and
-        the light of orders that do not propagate, is absorbed. Fractions that add up to more than 1, which a ray-optics
-        scene may contain, are supported only when tracing by the rules of that program.
+        Number m and diffraction efficiency of each order. The efficiency is the fraction of the incident power, and is
+        the same at all angles; the remaining power, and that of evanescent orders, is absorbed. Efficiencies that add
+        up to more than 1, which a ray-optics scene may contain, are supported only when tracing by the rules of that
+        program.
     mirrored
-        Whether the grating reflects the orders instead of transmitting them.
+        True for a reflection grating, False for a transmission grating.
     """
 
     lines_per_mm: float
@@ -205,10 +208,10 @@ class Grating:
         numbers = [order for order, _ in self.orders]
         if not numbers or len(set(numbers)) < len(numbers):
             raise DesignError(
-                "grating orders", value=f"{len(numbers)} orders", limit="must be one or more orders, all different"
+                "grating orders", value=numbers, limit="must be one or more diffraction orders, all different"
             )
-        for _, share in self.orders:
-            check_range("grating orders", share, 0.0)
+        for _, efficiency in self.orders:
+            check_range("grating orders", efficiency, 0.0)
 
 
 @dataclass(frozen=True)
@@ -281,14 +284,14 @@ class Surface:
     grating: Grating | None = None
 
     def __post_init__(self) -> None:
-        for what, share in (("reflectance", self.reflectance), ("transmitted", self.transmitted)):
-            check_range(f"surface {what}", share, 0.0, 1.0)
+        for what, fraction in (("reflectance", self.reflectance), ("transmitted", self.transmitted)):
+            check_range(f"surface {what}", fraction, 0.0, 1.0)
         if self.focal_mm is not None and not (math.isfinite(self.focal_mm) and self.focal_mm != 0.0):
             raise DesignError("surface focal_mm", value=self.focal_mm, limit="must be finite and not 0")
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
         if self.table_right is not None and self.table is None:
-            raise DesignError("surface table_right", limit="requires a table for the left side, too")
+            raise DesignError("surface table_right", limit="requires surface table as well")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
         """Whether the behaviour of the interface applies at a wavelength."""

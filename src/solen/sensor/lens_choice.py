@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SolenError
 from solen.lens import GivenLayers
-from solen.plane import off_a_line
+from solen.plane import deviation_from_line
 from solen.results import Result, reported
 from solen.sensor.effects import off_by, swept
 from solen.sensor.response import Response
@@ -228,7 +228,7 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
     span, half_range = float(np.ptp(angle[inner])), 0.5 * float(np.ptp(contrast))
     if not half_range > 0.0:
         raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion for a comparison")
-    nonlinearity = off_a_line(angle, contrast) / half_range
+    nonlinearity = deviation_from_line(angle, contrast) / half_range
     return LensFigures(
         shape=sensor.design.lens.shape,
         angle_deg=found.angle_deg,

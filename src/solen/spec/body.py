@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from solen.registry import BODY_KINDS, Registry, offered
+from solen.registry import BODY_KINDS, Registry, plugin_entries
 from solen.spec.quantities import Index, Length
 from solen.spec.strict import NotNegative, Number, Strict, Text, or_refuse, refused
 
@@ -59,8 +59,8 @@ def unused_keys(kind: str) -> Keys:
 
 
 def _known_kind(kind: str) -> str:
-    if kind not in UNUSED_KEYS and kind not in offered(BODY_KINDS):
-        known = dict.fromkeys([*UNUSED_KEYS, *offered(BODY_KINDS)])
+    if kind not in UNUSED_KEYS and kind not in plugin_entries(BODY_KINDS):
+        known = dict.fromkeys([*UNUSED_KEYS, *plugin_entries(BODY_KINDS)])
         raise refused("", f"must be {' or '.join(map(repr, known))}", value=kind)
     return kind
 
@@ -225,7 +225,7 @@ class Body(Strict):
         "y",
         description="Shape of the body: a Y, an outline read from a file, a network of guides, or a kind from another "
         "package.",
-        json_schema_extra=lambda schema: schema.update(enum=[*UNUSED_KEYS, *offered(BODY_KINDS)]),
+        json_schema_extra=lambda schema: schema.update(enum=[*UNUSED_KEYS, *plugin_entries(BODY_KINDS)]),
     )
     parameters: Parameters | None = Field(
         None, description="Parameters of a kind from another package: [body.parameters]."

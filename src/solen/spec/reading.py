@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field
 
-from solen.expression import Grammar, names, parsed, slopes, value
+from solen.expression import Grammar, derivatives, names, parsed, value
 from solen.spec.strict import Strict, Text, nearest, refused
 
 _NAME = r"[A-Za-z0-9](?:[A-Za-z0-9_-]*[A-Za-z0-9])?"
@@ -80,7 +80,7 @@ class Formula:
 
     def slopes(self, powers: Mapping[tuple[str, str], Any]) -> dict[tuple[str, str], Any]:
         """Return the exact derivatives of the reading with respect to the powers that it contains."""
-        found = slopes(self._tree, self._by_place(powers))
+        found = derivatives(self._tree, self._by_place(powers))
         return {power: found[self._places[power]] for power in self.powers}
 
     def _by_place(self, powers: Mapping[tuple[str, str], Any]) -> dict[str, Any]:

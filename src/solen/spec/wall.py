@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from solen.registry import FINISHES, offered
+from solen.registry import FINISHES, plugin_entries
 from solen.spec.stretch import Stretch
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
@@ -21,7 +21,7 @@ OWN_FINISHES = ("clear", "mirror", "black")
 
 
 def _known_finish(name: str) -> str:
-    known = list(dict.fromkeys([*OWN_FINISHES, *offered(FINISHES)]))
+    known = list(dict.fromkeys([*OWN_FINISHES, *plugin_entries(FINISHES)]))
     if name not in known:
         raise refused("", f"must be {' or '.join(map(repr, known))}", value=name)
     return name
@@ -55,7 +55,7 @@ class Wall(Stretch):
     finish: Annotated[Text, AfterValidator(_known_finish)] = Field(
         "clear",
         description="Clear, mirrored or blackened, or a finish from another package.",
-        json_schema_extra=lambda schema: schema.update(enum=[*OWN_FINISHES, *offered(FINISHES)]),
+        json_schema_extra=lambda schema: schema.update(enum=[*OWN_FINISHES, *plugin_entries(FINISHES)]),
     )
     reflectance: Share = Field(1.0, description="Fraction of the power that a mirrored wall reflects.")
     scatter: Literal["none", "lambertian", "gaussian", "harvey-shack"] = Field(

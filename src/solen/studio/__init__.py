@@ -1,6 +1,7 @@
-"""The studio: a page on which the user drags the lens and sees rays and response change.
+"""The studio: a page on which the user drags parts of a design and sees rays and response change.
 
-It computes nothing itself: `document` stores the edited design, `answers` calls the stages, `session` handles the
-requests of one page, newest first, `guard` rejects requests from elsewhere, and `server` serves the page in ``page/``,
-which is built from ``web/``. `frames` defines the binary messages; `export` writes a page that needs no server.
+`document` stores the edited design, `replies` calls the stages, `session` handles the requests of one page, newest
+first, `guard` rejects requests from elsewhere, and `server` serves the page in ``page/``, which is built from ``web/``.
+`frames` defines the binary messages. The tabs next to the design run commands: `page_commands` describes them, `calls`
+runs them, `jobs` runs them in the background, and `workspace` and `storage` manage their files.
 """

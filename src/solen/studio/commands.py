@@ -1,4 +1,4 @@
-"""The page state as a command line and a Python script."""
+"""The state of a page as a command line and as a Python script."""
 
 import shlex
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ SAVE_FIRST = "Save the design first: a command line cannot reset a value to its 
 
 
 def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
-    """Return a command line (``shell``) and a script (``python``) for the response of a file with values changed."""
+    """Return a command line (``shell``) and a script (``python``) for the response of a design with changed values."""
     if None in changes.values():
         return {"shell": SAVE_FIRST, "python": SAVE_FIRST}
     shell = shlex.join(["solen", "run", str(file), "--out", f"{file.stem}-run", *assigned(changes)])
@@ -21,12 +21,12 @@ def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
 
 
 def assigned(changes: Mapping[str, Any]) -> list[str]:
-    """Return the options of a command that change values."""
+    """Return the ``--set`` options for changed values."""
     return [part for key, value in changes.items() for part in ("--set", f"{key}={_toml(value)}")]
 
 
 def _toml(value: Any) -> str:
-    """Return a value on one line, as written in a design file."""
+    """Return a TOML value on one line."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()

@@ -1,8 +1,8 @@
-"""The edited design: changed, undone, and saved into its file with its comments.
+"""The edited design: changes, undo, and saving into its file with all comments.
 
-This document writes unsaved changes into a new file next to the design; an older file of unsaved changes is offered but
-never replaced. Several pages may edit one document. The saved text is the opened text with the changed values; if
-another program has changed the file meanwhile, nothing is written.
+A document writes unsaved changes into a new file next to the design. An older file of unsaved changes is offered to the
+user but never replaced. Several pages may edit one document. The saved text is the opened text with the changed values;
+if another program has changed the file meanwhile, nothing is written.
 """
 
 import tomllib
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from solen.studio.search import Search
 
 MAX_STATES = 500
-"""Largest number of states kept for undo."""
+"""Maximum number of states kept for undo."""
 EXAMPLE = "solen-860"
 
 
 @dataclass(frozen=True)
 class State:
-    """A design, and its values that differ from the opened text."""
+    """A design, and the values that were changed in the opened text."""
 
     sensor: Sensor
     changes: Mapping[str, Any]
@@ -43,7 +43,7 @@ class State:
 
 
 class Document:
-    """A design file that is being changed.
+    """A design file that is being edited.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path, self.lock = path, RLock()
         self.version = 0
-        self.kept: Path | None = None
-        self.kept_text = self.why_not_kept = ""
+        self.unsaved_file: Path | None = None
+        self.unsaved_text = self.unsaved_error = ""
         self.jobs = Jobs()
         self.search: Search | None = None
-        self.beside: State | None = None
+        self.comparison: State | None = None
         self._open()
-        self.offered = self._unsaved_earlier()
+        self.earlier_changes = self._earlier_changes()
 
     def _open(self) -> None:
         self.is_new = not self.path.exists()
@@ -73,14 +73,14 @@ class Document:
         self.on_disk: str | None = None if self.is_new else self.text
         design = loads(self.text, what=str(self.path), folder=self.path.absolute().parent)
         self.opened = State(Sensor.of(design), {})
-        self.states, self.place, self.gesture = [self.opened], 0, ""
+        self.states, self.position, self.gesture = [self.opened], 0, ""
         self.saved: State | None = None if self.is_new else self.states[0]
         self.version += 1
 
     @property
     def state(self) -> State:
         """The current state."""
-        return self.states[self.place]
+        return self.states[self.position]
 
     @property
     def is_saved(self) -> bool:
@@ -88,14 +88,14 @@ class Document:
         return self.saved is not None and self.state.changes == self.saved.changes
 
     def change(self, values: Mapping[str, Any], gesture: str = "", at: float = 0.0) -> State:
-        """Set values by dotted keys; changes of one gesture are undone together.
+        """Set values, keyed by dotted key; changes of one gesture are undone together.
 
-        ``at`` is the angle, or value of whatever else the motion drives, at which the body must be possible.
+        ``at`` is the angle, or other value of the motion, at which the body must be valid.
 
         Raises
         ------
         SolenError
-            If the design would be invalid, or its lens or body cannot be made; it is then left unchanged.
+            If the design would be invalid, or its lens or body cannot be built; it then remains unchanged.
         """
         with self.lock:
             before = self.state
@@ -106,23 +106,23 @@ class Document:
             return self._push(State(sensor, {**before.changes, **values}), gesture)
 
     def open_state(self, base: State, values: Mapping[str, Any]) -> State:
-        """Open an earlier state of this file with values set; the current state can be restored by undo."""
+        """Open an earlier state of this file and set values; undo restores the current state."""
         with self.lock:
             sensor = Sensor.of(with_values(base.design, values))
             return self._push(State(sensor, {**base.changes, **values}))
 
     def _push(self, state: State, gesture: str = "") -> State:
-        same = gesture != "" and gesture == self.gesture and self.place > 0
-        first = max(0, self.place + 1 - MAX_STATES)
-        self.states = [*self.states[first : self.place + (0 if same else 1)], state]
-        self.place, self.gesture = len(self.states) - 1, gesture
+        same_gesture = gesture != "" and gesture == self.gesture and self.position > 0
+        first = max(0, self.position + 1 - MAX_STATES)
+        self.states = [*self.states[first : self.position + (0 if same_gesture else 1)], state]
+        self.position, self.gesture = len(self.states) - 1, gesture
         self.version += 1
         return state
 
-    def step(self, by: int) -> State:
-        """Undo (−1) or redo (+1) a step, if there is one."""
+    def step(self, offset: int) -> State:
+        """Undo (−1) or redo (+1) a step, if possible."""
         with self.lock:
-            self.place = min(max(self.place + by, 0), len(self.states) - 1)
+            self.position = min(max(self.position + offset, 0), len(self.states) - 1)
             self.gesture = ""
             self.version += 1
             return self.state
@@ -133,28 +133,28 @@ class Document:
         Raises
         ------
         OutputError
-            If it cannot be written, or another program changed it since it was opened or saved.
+            If it cannot be written, or another program has changed it since it was opened or saved.
         """
         with self.lock:
-            if self._now_on_disk() != self.on_disk:
+            if self._text_on_disk() != self.on_disk:
                 limit = "was changed by another program since it was opened"
-                raise OutputError(str(self.path), limit=limit, remedy="reload it, or save a copy of it elsewhere first")
-            text = self._written()
+                raise OutputError(str(self.path), limit=limit, remedy="reload the file, or copy it before you save")
+            text = self._edited_text()
             files.write_text(self.path, text)
             self.on_disk, self.saved = text, self.state
             self.version += 1
             return self.path
 
     def pin(self) -> None:
-        """Keep the current state for comparison with later ones, or stop comparing."""
+        """Keep the current state for comparison with later ones, or end the comparison."""
         with self.lock:
-            self.beside = self.state if self.beside is None else None
+            self.comparison = self.state if self.comparison is None else None
             self.version += 1
 
     def compare_with(self, path: Path) -> None:
-        """Compare this design with another one; raises as `Document` does."""
+        """Compare this design with another one; errors as in `Document`."""
         design = loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
-        self.beside = State(Sensor.of(design), {})
+        self.comparison = State(Sensor.of(design), {})
 
     def reload(self) -> State:
         """Open the file again; unsaved changes are lost."""
@@ -163,79 +163,80 @@ class Document:
             return self.state
 
     def keep_unsaved(self) -> None:
-        """Write unsaved changes into a file next to the design (``kept``); remove that file once the design is saved.
+        """Write unsaved changes into a file next to the design, and remove that file once the design is saved.
 
-        A file that another program made or changed is left untouched, and another one is made.
+        A file that another program created or changed is left untouched, and a new one is created.
         """
         with self.lock:
-            own = self.kept is not None and self.kept.exists()
-            own = own and read_text(self.kept, OutputError) == self.kept_text  # type: ignore[arg-type]  # it is one
+            file = self.unsaved_file
+            is_own = file is not None and file.exists() and read_text(file, OutputError) == self.unsaved_text
             if not self.is_saved and (self.state.changes or self.saved is not None):
-                text = self._written()
-                beside = self.kept if own and self.kept else next(path for path in self._beside() if not path.exists())
-                if not own or text != self.kept_text:
-                    self.kept, self.kept_text = files.write_text(beside, text), text
-            elif own and self.kept:
-                files.remove(self.kept)
-                self.kept = None
+                text = self._edited_text()
+                target = file if is_own and file else next(path for path in self._unsaved_names() if not path.exists())
+                if not is_own or text != self.unsaved_text:
+                    self.unsaved_file, self.unsaved_text = files.write_text(target, text), text
+            elif is_own and file:
+                files.remove(file)
+                self.unsaved_file = None
 
     def restore(self) -> State:
-        """Apply changes left unsaved by an earlier session, as one step; their file is the one updated from now on.
+        """Apply the unsaved changes of an earlier session as one step; their file is updated from now on.
 
         Raises
         ------
         SolenError
-            If there are none, or they do not belong to the open file.
+            If there are none, or they cannot be applied to the open file.
         """
         with self.lock:
-            if self.offered is None:
-                raise SpecError("restore", limit="there are no unsaved changes from an earlier session")
-            text = read_text(self.offered, SpecError)
+            if self.earlier_changes is None:
+                raise SpecError("restore", limit="requires unsaved changes from an earlier session")
+            text = read_text(self.earlier_changes, SpecError)
             values = _differences(tomllib.loads(self.text), tomllib.loads(text))
-            left = loads(text, what=str(self.offered), folder=self.path.absolute().parent)
-            if with_values(self.opened.design, values) != left:
+            unsaved = loads(text, what=str(self.earlier_changes), folder=self.path.absolute().parent)
+            if with_values(self.opened.design, values) != unsaved:
                 limit = f"cannot be applied to {self.path.name}"
-                raise SpecError(str(self.offered), limit=limit, remedy="open it separately")
+                raise SpecError(str(self.earlier_changes), limit=limit, remedy="open it separately")
             state = self.open_state(self.opened, values)
-            self.kept, self.kept_text, self.offered = self.offered, text, None
+            self.unsaved_file, self.unsaved_text, self.earlier_changes = self.earlier_changes, text, None
             return state
 
     def leave(self) -> None:
-        """Stop offering the changes left unsaved; their file is kept."""
+        """Stop offering the unsaved changes of an earlier session; their file is kept."""
         with self.lock:
-            self.offered = None
+            self.earlier_changes = None
             self.version += 1
 
-    def _beside(self) -> Iterator[Path]:
-        """Yield candidate names for files of unsaved changes, in order."""
+    def _unsaved_names(self) -> Iterator[Path]:
+        """Yield the names for files of unsaved changes, in order."""
         for number in count(1):
             yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
 
-    def _unsaved_earlier(self) -> Path | None:
-        """Return the newest file of changes left unsaved by an earlier session, if it differs from the design."""
-        for path in sorted(takewhile(Path.exists, self._beside()), key=lambda one: one.stat().st_mtime, reverse=True):
+    def _earlier_changes(self) -> Path | None:
+        """Return the newest file of unsaved changes of an earlier session, if it differs from the design."""
+        existing = takewhile(Path.exists, self._unsaved_names())
+        for path in sorted(existing, key=lambda file: file.stat().st_mtime, reverse=True):
             try:
-                left = loads(read_text(path, SpecError), what=str(path), folder=self.path.absolute().parent)
+                unsaved = loads(read_text(path, SpecError), what=str(path), folder=self.path.absolute().parent)
             except SolenError:
-                continue  # a design that cannot be opened is not offered
-            return None if left == self.opened.design else path
+                continue  # invalid designs are not offered
+            return None if unsaved == self.opened.design else path
         return None
 
-    def _written(self) -> str:
+    def _edited_text(self) -> str:
         folder = self.path.absolute().parent
         return edited(self.text, self.state.changes, what=str(self.path), folder=folder)
 
-    def _now_on_disk(self) -> str | None:
+    def _text_on_disk(self) -> str | None:
         return read_text(self.path, OutputError) if self.path.exists() else None
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any], table: str = "") -> dict[str, Any]:
-    """Return the values by dotted key that change one document into the other; None removes a value."""
-    found: dict[str, Any] = {}
+    """Return the values, keyed by dotted key, that change one document into another; None removes a value."""
+    differences: dict[str, Any] = {}
     for name in dict.fromkeys([*before, *after]):
         old, new = before.get(name), after.get(name)
         if isinstance(old or new, Mapping):
-            found |= _differences(old or {}, new or {}, f"{table}{name}.")
+            differences |= _differences(old or {}, new or {}, f"{table}{name}.")
         elif old != new:
-            found[f"{table}{name}"] = new
-    return found
+            differences[f"{table}{name}"] = new
+    return differences

@@ -1,8 +1,8 @@
 """Access control: only the page that the studio opened may send requests to it.
 
-Any page of any site can send requests to a port of this computer. Therefore each address contains a random token; the
-Host must be the one that was opened, which defeats names that resolve to this address; and an Origin, which browsers
-add, must be the studio's own. The page itself may load only the studio's own files.
+A page from any site can send requests to a port of this computer. Therefore each address contains a random token; the
+Host header must be the one that was opened, which prevents DNS rebinding; and an Origin header, which browsers add,
+must be that of the studio. The page itself may load only files of the studio.
 """
 
 import secrets
@@ -15,8 +15,8 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-READS, CHANGES = {"GET", "HEAD"}, {"PUT", "POST", "DELETE"}
-"""HTTP methods; browsers send an Origin with those that change something, and all other clients must send it too."""
+READING_METHODS, CHANGING_METHODS = {"GET", "HEAD"}, {"PUT", "POST", "DELETE"}
+"""HTTP methods; for those that change something, browsers send an Origin header, and all other clients must do so."""
 LOCAL = "127.0.0.1"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -25,7 +25,7 @@ POLICY = (
 
 
 class Guard:
-    """Pass on requests from the studio's own page, and reject all others."""
+    """ASGI application that forwards requests from the page of the studio, and rejects all others."""
 
     def __init__(self, app: App, token: str, address: str, port: int) -> None:
         self.app, self.token, self.host = app, token, f"{address}:{port}"
@@ -46,23 +46,23 @@ class Guard:
             await send({"type": "http.response.body", "body": b"refused\n"})
 
     def _status(self, scope: Scope) -> int:
-        """Return a request's HTTP status: 200 if the request is passed on."""
+        """Return the HTTP status of a request: 200 if it is forwarded."""
         headers = scope["headers"]
         hosts, origins = ([value for key, value in headers if key == name] for name in (b"host", b"origin"))
-        own = f"http://{self.host}".encode()
-        if hosts != [self.host.encode()] or any(origin != own for origin in origins):
+        origin_allowed = f"http://{self.host}".encode()
+        if hosts != [self.host.encode()] or any(origin != origin_allowed for origin in origins):
             return 403
         method = scope.get("method", "")
-        if scope["type"] == "http" and method not in READS | CHANGES:
+        if scope["type"] == "http" and method not in READING_METHODS | CHANGING_METHODS:
             return 405
-        if method not in READS and not origins:
+        if method not in READING_METHODS and not origins:
             return 403
         token = scope["path"].split("/")[1]
         return 200 if secrets.compare_digest(token.encode(), self.token.encode()) else 404
 
     def _with_headers(self, send: Send) -> Send:
         policy = POLICY.format(host=self.host).encode()
-        added = [
+        security_headers = [
             (b"content-security-policy", policy),
             (b"x-content-type-options", b"nosniff"),
             (b"referrer-policy", b"no-referrer"),
@@ -73,7 +73,7 @@ class Guard:
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", []), *added]
+                message["headers"] = [*message.get("headers", []), *security_headers]
             await send(message)
 
         return guarded

@@ -1,8 +1,8 @@
-"""Work in the background: a function in a separate process, whose progress and result every page of a document shows.
+"""Background jobs: functions in separate processes, whose progress and result every page of a document shows.
 
 A process that has finished its work waits for the next job, because importing the modules of a command takes a second
-or two. A cancelled process is killed, because a thread could not be stopped within a trace. A process ends by itself
-when its parent is gone. Files that a job has written are kept, whatever happens to page and server.
+or two. To cancel a job its process is killed; a thread could not be stopped within a trace. A process exits when its
+parent has exited. Files that a job has written are kept, whatever happens to page and server.
 """
 
 import importlib
@@ -19,20 +19,20 @@ from typing import Any, Literal, Protocol
 from solen.errors import SolenError, SpecError
 
 MAX_RUNNING, MAX_KEPT = 3, 60
-"""Largest number of jobs that run at a time, and of finished jobs whose results are still shown."""
+"""Maximum number of jobs that run at a time, and of finished jobs whose results are shown."""
 ENDED = "ended unexpectedly: see the terminal; files already written are kept"
 State = Literal["running", "done", "cancelled", "failed"]
 
 
-class SendNews(Protocol):
-    """Function that reports progress: ``share`` is the completed fraction, other keys are the work's own."""
+class Reporter(Protocol):
+    """Function that reports progress: ``share`` is the completed fraction, other keys depend on the work."""
 
-    def __call__(self, **news: Any) -> None:
+    def __call__(self, **values: Any) -> None:
         """Send a report."""
 
 
 Work = Callable[..., Mapping[str, Any]]
-"""Function of a module that accepts a `SendNews` and the given arguments, and returns the final content of its job."""
+"""Function of a module that accepts a `Reporter` and the given arguments, and returns the final status of its job."""
 
 
 class Process:
@@ -40,10 +40,10 @@ class Process:
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve_jobs, args=(theirs,), daemon=True, name="solen-job")
+        self.pipe, child_end = context.Pipe()
+        self.process = context.Process(target=_serve_jobs, args=(child_end,), daemon=True, name="solen-job")
         self.process.start()
-        theirs.close()
+        child_end.close()
 
     def end(self) -> None:
         """Kill the process."""
@@ -52,28 +52,28 @@ class Process:
 
 
 def _serve_jobs(pipe: Connection) -> None:
-    """Run jobs in this process until its parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the studio, which ends this process
+    """Run jobs in this process until its parent has exited."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the studio, which then ends this process
     with suppress(EOFError, OSError):
         while True:
-            work, given = pipe.recv()
+            work, arguments = pipe.recv()
             if isinstance(work, str):
                 importlib.import_module(work)
             else:
-                pipe.send(run_work(pipe, work, given))
+                pipe.send(run_work(pipe, work, arguments))
 
 
-def run_work(pipe: Connection, work: Work, given: Sequence[Any]) -> dict[str, Any]:
-    """Run the work; send its reports, and return its final report."""
+def run_work(pipe: Connection, work: Work, arguments: Sequence[Any]) -> dict[str, Any]:
+    """Run the work and send its reports; return the final status."""
 
-    def send_news(**news: Any) -> None:
+    def report(**values: Any) -> None:
         try:
-            pipe.send(news)
+            pipe.send(values)
         except OSError:
-            raise SystemExit from None  # nobody listens
+            raise SystemExit from None  # the parent has exited
 
     try:
-        return {"state": "done", "share": 1.0, **work(send_news, *given)}
+        return {"state": "done", "share": 1.0, **work(report, *arguments)}
     except SolenError as bad:
         return {"state": "failed", "why": str(bad)}
     except Exception:
@@ -82,69 +82,69 @@ def run_work(pipe: Connection, work: Work, given: Sequence[Any]) -> dict[str, An
 
 
 class Job:
-    """Work for a document.
+    """A job for a document.
 
     Attributes
     ----------
     number, name
-        Number among the document's jobs, and the command, such as ``resin cure``.
-    news
-        Reports so far: ``state``, ``share`` of the work that is done, and the work's own keys.
+        Number among the jobs of the document, and the command, such as ``resin cure``.
+    status
+        Values reported so far: ``state``, the completed fraction ``share``, and keys that depend on the work.
     version
-        Incremented with each change.
+        Number that is incremented with each change.
     """
 
-    def __init__(self, number: int, name: str, about: Mapping[str, Any], jobs: "Jobs") -> None:
-        self.number, self.name, self.about, self.jobs = number, name, about, jobs
+    def __init__(self, number: int, name: str, details: Mapping[str, Any], jobs: "Jobs") -> None:
+        self.number, self.name, self.details, self.jobs = number, name, details, jobs
         self.lock, self.version = Lock(), 1
-        self.news: dict[str, Any] = {"state": "running", "share": 0.0}
+        self.status: dict[str, Any] = {"state": "running", "share": 0.0}
         self.process: Process | None = None
 
     @property
     def state(self) -> State:
         """Whether the job runs, or how it ended."""
-        found: State = self.news["state"]
-        return found
+        state: State = self.status["state"]
+        return state
 
     @property
     def result(self) -> Any:
-        """Its result as plain data; None if there is none yet."""
-        return self.news.get("result")
+        """The result as plain data; None if there is none yet."""
+        return self.status.get("result")
 
     def head(self) -> dict[str, Any]:
-        """Return the job as a page shows it, without its result."""
+        """Return the description of the job for a page, without its result."""
         with self.lock:
-            shown = {key: value for key, value in self.news.items() if key != "result"}
-            return {"kind": "job", "number": self.number, "name": self.name, **self.about, **shown}
+            visible = {key: value for key, value in self.status.items() if key != "result"}
+            return {"kind": "job", "number": self.number, "name": self.name, **self.details, **visible}
 
-    def begin(self, work: Work, given: Sequence[Any]) -> None:
-        """Send work to a process, and listen to its reports."""
+    def start(self, work: Work, arguments: Sequence[Any]) -> None:
+        """Send work to a process, and receive its reports."""
         self.process = self.jobs.process()
-        self.process.pipe.send((work, given))
+        self.process.pipe.send((work, arguments))
         Thread(target=self._listen, args=(self.process,), daemon=True).start()
 
     def cancel(self) -> None:
-        """Stop the work; its reports and files are kept."""
-        self._becomes({"state": "cancelled"})
+        """Stop the work; its status and files are kept."""
+        self._update({"state": "cancelled"})
         process, self.process = self.process, None
         if process is not None:
             process.end()
 
-    def _becomes(self, news: Mapping[str, Any]) -> None:
+    def _update(self, status: Mapping[str, Any]) -> None:
         with self.lock:
             if self.state == "running":
-                self.news |= news
+                self.status |= status
                 self.version += 1
 
     def _listen(self, process: Process) -> None:
         """Receive the reports of the process until the work ends."""
         with suppress(EOFError, OSError):
             while self.state == "running":
-                self._becomes(process.pipe.recv())
-        self._becomes({"state": "failed", "why": ENDED})
+                self._update(process.pipe.recv())
+        self._update({"state": "failed", "why": ENDED})
         if self.state != "cancelled":
             self.process = None
-            self.jobs.wait(process)
+            self.jobs.keep_idle(process)
 
 
 class Jobs:
@@ -155,7 +155,7 @@ class Jobs:
         self.all: list[Job] = []
         self.idle: list[Process] = []
 
-    def begin(self, name: str, work: Work, given: Sequence[Any], about: Mapping[str, Any]) -> Job:
+    def start(self, name: str, work: Work, arguments: Sequence[Any], details: Mapping[str, Any]) -> Job:
         """Start a job.
 
         Parameters
@@ -163,9 +163,9 @@ class Jobs:
         name
             The command.
         given
-            Arguments of the work after its `SendNews`; they are pickled.
-        about
-            Content that a page shows from the start.
+            Arguments of the work after its `Reporter`; they are pickled.
+        details
+            Description of the job that a page shows from the start.
 
         Raises
         ------
@@ -173,38 +173,38 @@ class Jobs:
             If too many jobs are running.
         """
         with self.lock:
-            running = [one for one in self.all if one.state == "running"]
+            running = [job for job in self.all if job.state == "running"]
             if len(running) >= MAX_RUNNING:
-                limit = f"{MAX_RUNNING} are running"
-                raise SpecError("work in the background", limit=limit, remedy=f"wait, or cancel {running[0].name}")
-            ended = [one for one in self.all if one.state != "running"][-MAX_KEPT:]
-            job = Job(self.all[-1].number + 1 if self.all else 1, name, about, self)
-            self.all = sorted([*ended, *running, job], key=lambda one: one.number)
-        job.begin(work, given)
+                limit = f"at most {MAX_RUNNING} may run at a time"
+                raise SpecError("background jobs", limit=limit, remedy=f"wait, or cancel {running[0].name}")
+            finished = [job for job in self.all if job.state != "running"][-MAX_KEPT:]
+            job = Job(self.all[-1].number + 1 if self.all else 1, name, details, self)
+            self.all = sorted([*finished, *running, job], key=lambda job: job.number)
+        job.start(work, arguments)
         return job
 
-    def ended(self, name: str, about: Mapping[str, Any], news: Mapping[str, Any]) -> None:
-        """Add a job that ended in an earlier session."""
-        job = Job(self.all[-1].number + 1 if self.all else 1, name, about, self)
-        job.news |= {**news, "state": "done", "share": 1.0}
+    def add_finished(self, name: str, details: Mapping[str, Any], status: Mapping[str, Any]) -> None:
+        """Add a job that was finished in an earlier session."""
+        job = Job(self.all[-1].number + 1 if self.all else 1, name, details, self)
+        job.status |= {**status, "state": "done", "share": 1.0}
         self.all = [*self.all, job][-MAX_KEPT:]
 
-    def of(self, number: int) -> Job:
+    def by_number(self, number: int) -> Job:
         """Return a job by its number; raise `SpecError` if it does not exist."""
         for job in self.all:
             if job.number == number:
                 return job
-        raise SpecError("job", value=number, limit="is unknown", remedy="begin it again")
+        raise SpecError("job", value=number, limit="is unknown", remedy="start it again")
 
-    def warm(self, modules: Sequence[str]) -> None:
-        """Prepare a process that has imported the given modules."""
+    def prepare(self, modules: Sequence[str]) -> None:
+        """Start a process that imports the given modules for later jobs."""
         process = self.process()
         for module in modules:
             process.pipe.send((module, ()))
-        self.wait(process)
+        self.keep_idle(process)
 
     def process(self) -> Process:
-        """Return a process that waits for work."""
+        """Return an idle process, or a new one."""
         with self.lock:
             while self.idle:
                 process = self.idle.pop()
@@ -212,8 +212,8 @@ class Jobs:
                     return process
         return Process()
 
-    def wait(self, process: Process) -> None:
-        """Keep a process for the next job, unless another one is waiting."""
+    def keep_idle(self, process: Process) -> None:
+        """Keep a process for the next job, unless another one is idle."""
         with self.lock:
             if not self.idle and process.process.is_alive():
                 self.idle.append(process)

@@ -1,43 +1,43 @@
-"""Live views of running work: a bench run, and angles as they are decoded.
+"""Live views of running jobs: a bench run, and angles as they are decoded.
 
-A page shows the entire curve, reduced to few enough points to be sent at each update.
+A page shows the entire curve, reduced to a number of points that can be sent with each update.
 """
 
 import time
 from collections.abc import Mapping, Sequence
 
 from solen.bench.run import Tick
-from solen.studio.jobs import SendNews
+from solen.studio.jobs import Reporter
 
-MAX_POINTS, LOOK_S = 600, 0.2
-"""Largest number of points shown on a curve, and the time between updates."""
+MAX_POINTS, UPDATE_INTERVAL_S = 600, 0.2
+"""Maximum number of points of a curve, and the interval between updates."""
 ENDS = ("from (95 %)", "to (95 %)")
 SHOWN = {"angle_deg": "angle / °", "force_N": "force / N", "depth_mm": "depth / mm"}
 
 
 class LiveCurve:
-    """Values over time, thinned out as their number grows."""
+    """Values against time, thinned out as their number increases."""
 
-    def __init__(self, send_news: SendNews) -> None:
-        self.send_news = send_news
+    def __init__(self, reporter: Reporter) -> None:
+        self.reporter = reporter
         self.rows: list[tuple[float, ...]] = []
-        self.every, self.seen, self.reported_s = 1, 0, -LOOK_S
+        self.stride, self.count, self.reported_s = 1, 0, -UPDATE_INTERVAL_S
 
-    def add(self, row: Sequence[float], names: Sequence[str], axis: str, **news: float) -> None:
-        """Add values, the time first, and report the curve if an update is due."""
-        if self.seen % self.every == 0:
+    def add(self, row: Sequence[float], names: Sequence[str], axis: str, **values: float) -> None:
+        """Add a row of values, beginning with the time, and report the curve if an update is due."""
+        if self.count % self.stride == 0:
             self.rows.append(tuple(row))
-        self.seen += 1
+        self.count += 1
         if len(self.rows) >= MAX_POINTS:
-            self.rows, self.every = self.rows[::2], 2 * self.every
-        if time.monotonic() - self.reported_s >= LOOK_S:
+            self.rows, self.stride = self.rows[::2], 2 * self.stride
+        if time.monotonic() - self.reported_s >= UPDATE_INTERVAL_S:
             self.reported_s = time.monotonic()
-            self.report(names, axis, **news)
+            self.update(names, axis, **values)
 
-    def report(self, names: Sequence[str], axis: str, **news: float) -> None:
+    def update(self, names: Sequence[str], axis: str, **values: float) -> None:
         """Report the curve so far."""
         columns = [list(column) for column in zip(*self.rows, strict=True)]
-        self.send_news(live={"names": list(names), "axis": axis, "columns": columns}, **news)
+        self.reporter(live={"names": list(names), "axis": axis, "columns": columns}, **values)
 
 
 class Levels(LiveCurve):
@@ -46,10 +46,10 @@ class Levels(LiveCurve):
     def __call__(self, tick: Tick) -> None:
         """Record the state of the run."""
         levels = tick.levels.tolist()
-        share = (tick.cycle - 1) / max(tick.cycles, 1)
+        fraction = (tick.cycle - 1) / max(tick.cycles, 1)
         if levels:
             names = [f"input {number}" for number, _ in enumerate(levels, 1)]
-            self.add((tick.t_s, *levels), names, "light, as a fraction of the dark reading", share=share)
+            self.add((tick.t_s, *levels), names, "light, as a fraction of the dark reading", share=fraction)
 
 
 class Angles(LiveCurve):
@@ -62,7 +62,7 @@ class Angles(LiveCurve):
         for line in text.splitlines():
             cells = line.split(",")
             if cells[0] == "time_s":
-                self.names = {name: place for place, name in enumerate(cells)}
+                self.names = {name: index for index, name in enumerate(cells)}
                 continue
             key, unit = self._key()
             columns = ("time_s", key, f"low95_{unit}", f"high95_{unit}")
@@ -78,7 +78,7 @@ class Angles(LiveCurve):
         """Report the rows received so far."""
         if self.rows:
             key, _ = self._key()
-            self.report((key, *ENDS), SHOWN[key])
+            self.update((key, *ENDS), SHOWN[key])
 
 
 def _number(text: str) -> float:

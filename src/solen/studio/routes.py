@@ -1,4 +1,4 @@
-"""Addresses of the tabs: forms, files and jobs, each answered as JSON, or with one line if it is rejected."""
+"""Routes of the tabs for forms, files and jobs; they return JSON, or one line if a request is rejected."""
 
 import asyncio
 import functools
@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 from solen.errors import SolenError, SpecError
 from solen.results import plain
 from solen.studio.session import request_of
-from solen.studio.workspace import Order, Workspace
+from solen.studio.workspace import CommandRequest, Workspace
 
 if TYPE_CHECKING:
     from fastapi import FastAPI, Response
 
 MAX_REQUEST_BYTES = 2**16
-"""Largest size in bytes of a request to a tab."""
+"""Maximum size of a request to a tab."""
 
 
 def add(app: "FastAPI", workspace: Workspace) -> None:
-    """Add the addresses of a desk to an application."""
+    """Add the routes of a workspace to an application."""
     from fastapi import Request, Response
     from fastapi.responses import FileResponse
 
@@ -28,18 +28,18 @@ def add(app: "FastAPI", workspace: Workspace) -> None:
 
     async def drop(request: Request, tab: str, name: str) -> Any:
         return await asyncio.to_thread(
-            workspace.commands_for, tab, await workspace.storage.keep(name, request.stream())
+            workspace.suitable_commands, tab, await workspace.storage.keep(name, request.stream())
         )
 
     async def begin(request: Request) -> Any:
-        order = Order(**request_of(await _whole(request.stream())))
-        return (await asyncio.to_thread(workspace.begin, order)).head()
+        command = CommandRequest(**request_of(await _complete(request.stream())))
+        return (await asyncio.to_thread(workspace.start, command)).head()
 
     async def cancel(number: int) -> Any:
-        await asyncio.to_thread(workspace.document.jobs.of(number).cancel)
+        await asyncio.to_thread(workspace.document.jobs.by_number(number).cancel)
 
     async def result(number: int) -> Any:
-        return workspace.document.jobs.of(number).result
+        return workspace.document.jobs.by_number(number).result
 
     async def file(number: int, name: str) -> Any:
         path = workspace.file_of(number, name)
@@ -48,15 +48,15 @@ def add(app: "FastAPI", workspace: Workspace) -> None:
     async def image(name: str) -> Any:
         from solen.metrology.image import png_of
 
-        shown = await asyncio.to_thread(png_of, workspace.storage.path(name))
-        return Response(shown, media_type="image/png")
+        data = await asyncio.to_thread(png_of, workspace.storage.path(name))
+        return Response(data, media_type="image/png")
 
-    async def inside(number: int, name: str, part: str) -> Any:
+    async def member(number: int, name: str, name_in_archive: str) -> Any:
         kinds = {"png": "image/png", "json": "application/json"}
-        kind = kinds.get(part.rpartition(".")[2], "application/octet-stream")
-        return Response(await asyncio.to_thread(workspace.inside, number, name, part), media_type=kind)
+        kind = kinds.get(name_in_archive.rpartition(".")[2], "application/octet-stream")
+        return Response(await asyncio.to_thread(workspace.member, number, name, name_in_archive), media_type=kind)
 
-    for method, path, end in (
+    for method, path, handler in (
         ("GET", "/tabs/{tab}", forms),
         ("PUT", "/files/{tab}/{name}", drop),
         ("GET", "/images/{name:path}", image),
@@ -64,33 +64,33 @@ def add(app: "FastAPI", workspace: Workspace) -> None:
         ("DELETE", "/jobs/{number}", cancel),
         ("GET", "/jobs/{number}", result),
         ("GET", "/jobs/{number}/{name}", file),
-        ("GET", "/jobs/{number}/{name}/{part}", inside),
+        ("GET", "/jobs/{number}/{name}/{name_in_archive}", member),
     ):
-        app.add_api_route(f"/{{token}}{path}", _refusing(end), methods=[method], response_model=None)
+        app.add_api_route(f"/{{token}}{path}", _with_errors(handler), methods=[method], response_model=None)
 
 
-def _refusing(end: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Response"]]:
-    """Wrap the handler of an address: its answer as JSON, and errors as one line."""
+def _with_errors(handler: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Response"]]:
+    """Wrap the handler of a route, so that it returns JSON, or an error as one line."""
     from fastapi import Response
 
-    @functools.wraps(end)
-    async def answered(**given: Any) -> "Response":
+    @functools.wraps(handler)
+    async def reply(**arguments: Any) -> "Response":
         try:
-            answer, status = await end(**given), 200
+            content, status = await handler(**arguments), 200
         except SolenError as bad:
-            answer, status = {"what": str(bad)}, 400
-        if isinstance(answer, Response):
-            return answer
-        return Response(json.dumps(plain(answer), allow_nan=False), status, media_type="application/json")
+            content, status = {"what": str(bad)}, 400
+        if isinstance(content, Response):
+            return content
+        return Response(json.dumps(plain(content), allow_nan=False), status, media_type="application/json")
 
-    return answered
+    return reply
 
 
-async def _whole(parts: AsyncIterator[bytes]) -> bytes:
+async def _complete(chunks: AsyncIterator[bytes]) -> bytes:
     """Return a complete message; raise `SpecError` if it is too long."""
     message = b""
-    async for some in parts:
-        message += some
+    async for chunk in chunks:
+        message += chunk
         if len(message) > MAX_REQUEST_BYTES:
             raise SpecError("message", limit=f"is longer than {MAX_REQUEST_BYTES} bytes")
     return message

@@ -1,4 +1,4 @@
-"""The studio's server: its own files and one WebSocket per page, for requests that the guard passes."""
+"""The server of the studio: its files, and one WebSocket per page, for requests that the guard accepts."""
 
 import asyncio
 import contextlib
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from solen.errors import SolenError, SpecError
 from solen.extras import need
 from solen.studio import routes
-from solen.studio.calls import Shown
+from solen.studio.calls import PrintedLines
 from solen.studio.document import Document
 from solen.studio.guard import LOCAL, Guard
 from solen.studio.session import Session
@@ -23,62 +23,62 @@ if TYPE_CHECKING:
     from fastapi import WebSocket
 
 PAGE = files("solen.studio") / "page"
-TYPES = {
+MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
     ".txt": "text/plain; charset=utf-8",
 }
-"""Media types of the page's files, by suffix; no other file is served."""
+"""Media types of the files of the page, keyed by suffix; no other files are served."""
 MAX_MESSAGE_BYTES = 2**16
-"""Largest page message in bytes; a longer one closes its connection."""
+"""Maximum size of a message from a page; a longer one closes its connection."""
 MAX_PAGES, MAX_CONNECTIONS = 8, 64
 UNSAVED_CHECK_S = 2.0
-"""Time between checks for unsaved changes."""
-TRY_AGAIN = 1013
+"""Interval between checks for unsaved changes."""
+WS_TRY_AGAIN_LATER = 1013
 
 
 def application(workspace: Workspace, token: str, address: str, port: int) -> Guard:
-    """Return the ASGI application of a desk at an address."""
+    """Return the ASGI application of a workspace at an address."""
     from fastapi import FastAPI, HTTPException, Response, WebSocket
 
     document = workspace.document
     names = {file.name for file in PAGE.iterdir()}
 
     @contextlib.asynccontextmanager
-    async def whole(_: FastAPI) -> AsyncIterator[None]:
-        keeping = asyncio.create_task(_keep(document))
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        task = asyncio.create_task(_keep_unsaved(document))
         yield
-        keeping.cancel()
+        task.cancel()
         document.jobs.end()
-        document.keep_unsaved()  # here, because a signal that stops the server may end the process
+        document.keep_unsaved()  # here, because the signal that stops the server may end the process
 
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=whole)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     sessions: set[Session] = set()
 
     async def page(name: str) -> Response:
         name = name or "index.html"
-        kind = TYPES.get(Path(name).suffix)
+        kind = MEDIA_TYPES.get(Path(name).suffix)
         if kind is None or name not in names:
             raise HTTPException(404)
         return Response((PAGE / name).read_bytes(), media_type=kind)
 
-    async def talk(socket: WebSocket) -> None:
+    async def exchange(socket: WebSocket) -> None:
         if len(sessions) >= MAX_PAGES:
-            await socket.close(TRY_AGAIN)
+            await socket.close(WS_TRY_AGAIN_LATER)
             return
         await socket.accept()
         await _serve(socket, document, sessions)
 
-    app.add_api_websocket_route("/{token}/ws", talk)
+    app.add_api_websocket_route("/{token}/ws", exchange)
     routes.add(app, workspace)
     app.add_api_route("/{token}/{name:path}", page, response_class=Response, response_model=None)
     return Guard(app, token, address, port)
 
 
 async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) -> None:
-    """Serve a page until it is left; an error in its session closes the connection, and the page reports it."""
+    """Serve a page until it is closed; an error in its session closes the connection, which the page reports."""
     from fastapi import WebSocketDisconnect
 
     session = Session(document, page.send_bytes, sessions)
@@ -94,7 +94,7 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
                 done.result()
     finally:
         sessions.discard(session)
-        session.awake.set()  # stops what is being traced for it
+        session.awake.set()  # ends the trace for this session
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
@@ -102,23 +102,23 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
             await page.close()
 
 
-async def _keep(document: Document) -> None:
-    """Write unsaved changes next to the file, soon after each change."""
-    kept = -1
+async def _keep_unsaved(document: Document) -> None:
+    """Write unsaved changes next to the file soon after each change."""
+    version_kept = -1
     while True:
-        if document.version != kept:
-            kept = document.version
+        if document.version != version_kept:
+            version_kept = document.version
             try:
                 await asyncio.to_thread(document.keep_unsaved)
-                document.why_not_kept = ""
+                document.unsaved_error = ""
             except SolenError as bad:
-                document.why_not_kept = f"unsaved changes cannot be written next to the file: {bad}"
+                document.unsaved_error = f"unsaved changes cannot be written next to the file: {bad}"
         await asyncio.sleep(UNSAVED_CHECK_S)
 
 
 async def _listen(page: "WebSocket", session: Session) -> None:
     while (message := await page.receive())["type"] != "websocket.disconnect":
-        await session.take(message.get("text") or "")
+        await session.receive(message.get("text") or "")
 
 
 def serve(
@@ -126,8 +126,8 @@ def serve(
     *,
     address: str = LOCAL,
     port: int = 0,
-    opened: Callable[[str], object],
-    shown: Shown | None = None,
+    announce: Callable[[str], object],
+    printed_lines: PrintedLines | None = None,
 ) -> None:
     """Serve a document until Ctrl-C, and write unsaved changes next to its file.
 
@@ -136,11 +136,11 @@ def serve(
     document
         The design.
     address, port
-        Address of this computer to listen at; port 0 selects a free one.
-    opened
-        Called with the page's address once connections are accepted.
-    shown
-        Function of a module that returns the lines a command prints for its result, given the command's name.
+        Address of this computer to listen on; port 0 selects a free one.
+    announce
+        Function called with the address of the page once connections are accepted.
+    printed_lines
+        Function of a module that returns the lines that a command prints, given its name and result.
 
     Raises
     ------
@@ -149,23 +149,23 @@ def serve(
     SpecError
         If the address cannot be listened at.
     """
-    server, listening, page = server_at(document, address, port, shown)
-    opened(page)
+    server, listening, page = server_at(document, address, port, printed_lines)
+    announce(page)
     with contextlib.suppress(KeyboardInterrupt), listening:
         server.run(sockets=[listening])
 
 
 def server_at(
-    document: Document, address: str = LOCAL, port: int = 0, shown: Shown | None = None
+    document: Document, address: str = LOCAL, port: int = 0, printed_lines: PrintedLines | None = None
 ) -> "tuple[uvicorn.Server, socket.socket, str]":
-    """Return the server of a document, its listening socket, and the page's address; see `serve`."""
+    """Return the server of a document, its listening socket, and the address of the page; see `serve`."""
     need("fastapi", "uvicorn", "websockets", "tomlkit", what="solen studio")
     import uvicorn
 
     listening = _listening(address, port)
     port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
     config = uvicorn.Config(
-        application(Workspace(document, shown), token, address, port),
+        application(Workspace(document, printed_lines), token, address, port),
         http="h11",
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE_BYTES,
@@ -191,6 +191,6 @@ def _listening(address: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as bad:
         listening.close()
         reason = getattr(bad, "strerror", None) or bad
-        limit, remedy = f"is not an address to listen at: {reason}", "name an IPv4 address of this computer"
+        limit, remedy = f"cannot be used to listen: {reason}", "specify an IPv4 address of this computer"
         raise SpecError("--listen", value=f"{address}:{port}", limit=limit, remedy=remedy) from None
     return listening

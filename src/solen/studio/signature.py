@@ -1,4 +1,4 @@
-"""Parameters of a command's function: their types, and their form on a command line."""
+"""Parameters of the function of a command: their types, and their form on a command line."""
 
 import inspect
 import typing
@@ -15,7 +15,7 @@ from solen.spec.strict import Options, option_refusal
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a command's function."""
+    """A parameter of the function of a command."""
 
     name: str
     hint: Any
@@ -28,60 +28,60 @@ class Parameter:
 
     @property
     def default(self) -> Any:
-        """Its default."""
+        """The default value."""
         return self.signature.default
 
     @property
     def is_required(self) -> bool:
-        """Whether it must be stated."""
+        """Whether it must be specified."""
         return self.default is inspect.Parameter.empty and self.kind is not inspect.Parameter.VAR_POSITIONAL
 
     @property
     def is_positional(self) -> bool:
-        """Whether a command line states it without its name."""
+        """Whether it is positional on a command line."""
         return self.kind in {inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.VAR_POSITIONAL}
 
     @property
     def is_many(self) -> bool:
         """Whether it accepts several values."""
         return self.kind is inspect.Parameter.VAR_POSITIONAL or any(
-            typing.get_origin(one) in {list, tuple} for one in _inside(self.hint)
+            typing.get_origin(item) in {list, tuple} for item in _inside(self.hint)
         )
 
     @property
     def is_path(self) -> bool:
         """Whether it is a path, or several paths."""
-        return any(one is Path for one in _inside(self.hint))
+        return any(item is Path for item in _inside(self.hint))
 
     @property
     def options(self) -> type[Options] | None:
-        """Its class of options, if it is a group of options."""
-        for one in _inside(self.hint):
-            if isinstance(one, type) and issubclass(one, Options):
-                return one
+        """The class of options, if the parameter is a group of options."""
+        for item in _inside(self.hint):
+            if isinstance(item, type) and issubclass(item, Options):
+                return item
         return None
 
     @property
     def option(self) -> tuple[str, str]:
-        """Return the option on a command line, and the negative form of a flag."""
-        own, negative = option_name(self.name), f"--no-{self.name}"
-        for note in getattr(self.hint, "__metadata__", ()):
-            named = [one for one in getattr(note, "name", None) or () if one.startswith("--")]
-            own = named[0] if named else own
-            negative = next(iter(getattr(note, "negative", None) or ()), negative)
-        return own, negative
+        """The option on a command line, and the negative form of a flag."""
+        option, negative = option_name(self.name), f"--no-{self.name}"
+        for annotation in getattr(self.hint, "__metadata__", ()):
+            names = [item for item in getattr(annotation, "name", None) or () if item.startswith("--")]
+            option = names[0] if names else option
+            negative = next(iter(getattr(annotation, "negative", None) or ()), negative)
+        return option, negative
 
     def converted(self, value: Any) -> Any:
-        """Convert a value from a page for the function; raise `SpecError` if it is invalid."""
+        """Return a value from a page, converted for the function; raise `SpecError` if it is invalid."""
         try:
             return TypeAdapter(self.hint).validate_python(value)
         except ValidationError as bad:
-            refused = option_refusal(bad)
-            raise SpecError(self.name, value=refused.value, limit=refused.limit, remedy=refused.remedy) from None
+            error = option_refusal(bad)
+            raise SpecError(self.name, value=error.value, limit=error.limit, remedy=error.remedy) from None
 
 
 def parameters_of(function: Callable[..., Any]) -> dict[str, Parameter]:
-    """Return the parameters of a function by name."""
+    """Return the parameters of a function, keyed by name."""
     hints = typing.get_type_hints(function, include_extras=True)
     return {
         name: Parameter(name, hints[name], parameter)
@@ -90,13 +90,13 @@ def parameters_of(function: Callable[..., Any]) -> dict[str, Parameter]:
 
 
 def option_name(field: str) -> str:
-    """Return the name of an option on the command line, from its field."""
+    """Return the command line option for a field."""
     return f"--{field.strip('_').replace('_', '-')}"
 
 
 def is_fixed(hint: Any) -> bool:
     """Return whether a type is a tuple with a fixed number of values."""
-    return any(typing.get_origin(one) is tuple and ... not in typing.get_args(one) for one in _inside(hint))
+    return any(typing.get_origin(item) is tuple and ... not in typing.get_args(item) for item in _inside(hint))
 
 
 def _inside(hint: Any) -> Iterator[Any]:
@@ -109,13 +109,13 @@ def _inside(hint: Any) -> Iterator[Any]:
 
 
 def described(function: Callable[..., Any]) -> dict[str, str]:
-    """Return the parameter descriptions from the function's docstring."""
-    words: dict[str, str] = {}
+    """Return the descriptions of the parameters from the docstring of a function."""
+    descriptions: dict[str, str] = {}
     names: list[str] = []
     text = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
     for line in text.splitlines():
         if line.startswith(" "):
-            words |= {name: f"{words.get(name, '')} {line.strip()}".strip() for name in names}
+            descriptions |= {name: f"{descriptions.get(name, '')} {line.strip()}".strip() for name in names}
         else:
             names = [name.strip() for name in line.split(",")]
-    return words
+    return descriptions

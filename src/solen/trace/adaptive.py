@@ -209,7 +209,7 @@ class Light:
         emission = source.emission()
         if emission is None:
             raise AssertionError("a source that is not made of points should already have been rejected")
-        if not emission.whole > 0.0:
+        if not emission.integral > 0.0:
             raise DesignError("cone_deg", value=0.0, limit="must be above 0 for integration")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
@@ -226,7 +226,7 @@ class Light:
         x, z, axis_deg = self.emission.at(place)
         here = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
         families = tuple(here._replace(**interval._asdict()) for interval in self.emission.intervals)
-        return Cone(self.tables, self.ends, self.columns, families, self.emission.whole)
+        return Cone(self.tables, self.ends, self.columns, families, self.emission.integral)
 
     def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
         """Integrate over angles, positions and wavelengths."""

@@ -147,7 +147,7 @@ class _RoundRobinTracer(Tracer):
 
     def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:
         curve = interface.curve
-        return curve.normal_met(at, direction) if isinstance(curve, Facets) else curve.normal_at(at)
+        return curve.normal_at_hit(at, direction) if isinstance(curve, Facets) else curve.normal_at(at)
 
     def _treated(
         self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]

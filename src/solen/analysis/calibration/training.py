@@ -13,7 +13,7 @@ from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.run import Run
 from solen.analysis.sensor_response import SensorResponse
-from solen.arrays import BoolArray, FloatArray, IndexArray, rows_of, stretches
+from solen.arrays import BoolArray, FloatArray, IndexArray, flag_runs, rows_of
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
@@ -160,7 +160,7 @@ def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
 
 def _stretch(good: BoolArray) -> tuple[int, int]:
     """Slice bounds of the longest run."""
-    return max(stretches(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
+    return max(flag_runs(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:

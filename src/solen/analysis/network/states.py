@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solen.analysis.network.recorded import NetworkReadings
-from solen.arrays import BoolArray, FloatArray, stretches
+from solen.arrays import BoolArray, FloatArray, flag_runs
 from solen.errors import DataError
 from solen.ranks import Caution, warning
 from solen.recording import Provenance
@@ -208,7 +208,7 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
     limit = np.maximum(REST_MOVEMENT * span, REST_NOISES * noise)
     at_rest: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
-    bounds = [(begin, end + REST_ROWS) for begin, end in stretches(at_rest)]
+    bounds = [(begin, end + REST_ROWS) for begin, end in flag_runs(at_rest)]
     return [
         slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= MIN_STOP_ROWS + 2 * SETTLING
     ]

@@ -1,11 +1,11 @@
-"""Commands about the installation: its check, and shell completion."""
+"""Commands that check the installation and install shell completion."""
 
 from collections.abc import Iterator
 from itertools import groupby
 from typing import Literal
 
 from solen.cli.app import app, lines
-from solen.doctor import Installation, Optional, examine
+from solen.doctor import Installation, OptionalPackage, examine
 from solen.errors import OutputError, SpecError
 from solen.results import Outcome, Result
 
@@ -51,8 +51,8 @@ def _(installation: Installation) -> Iterator[str]:
     yield "for a bug report, paste the lines above, the command and its full output"
 
 
-def _state(packages: tuple[Optional, ...]) -> str:
-    """Return the versions of the packages of one extra, and the command that installs it unless all are there."""
+def _state(packages: tuple[OptionalPackage, ...]) -> str:
+    """Return the versions of the packages of one extra, and the command that installs it if any are missing."""
     state = ", ".join(f"{package.name} {package.version or 'missing'}" for package in packages)
     return state if all(package.version for package in packages) else f"{state}; {packages[0].install}"
 
@@ -63,7 +63,7 @@ def completion(shell: Shell | None = None, /) -> Outcome[Completion]:
     Parameters
     ----------
     shell
-        Default: the shell that runs the command.
+        The shell; default: the one that runs this command.
     """
     shell = shell or _running_shell()
     try:
@@ -89,4 +89,4 @@ def _running_shell() -> Shell:
     if shell not in RELOAD:
         limit = f"completion is available for {', '.join(RELOAD)}"
         raise SpecError("shell", value=shell, limit=limit, remedy="name your shell: solen completion bash")
-    return shell  # type: ignore[return-value]  # a key of RELOAD is one
+    return shell  # type: ignore[return-value]  # the keys of RELOAD are shells

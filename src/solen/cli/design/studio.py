@@ -34,32 +34,30 @@ def studio(
     set_: Set = None,
     progress: ProgressBar = None,
 ) -> Outcome[Sliders] | None:
-    """Show a design in the browser: drag its parts, and see rays and response change. Ctrl-C ends it.
+    """Show a design in the browser: drag its parts, and see rays and response change. Ctrl-C stops the server.
 
     Parameters
     ----------
     file
         The design file; if it does not exist yet, an example that is saved there.
     listen
-        IPv4 address to listen at. At any other than 127.0.0.1, everybody who reaches it and knows the page's address
-        can read and change the design.
+        IPv4 address to listen on. With any address other than 127.0.0.1, anyone who can reach it and knows the
+        address of the page can read and change the design.
     no_browser
-        Only print the page's address.
+        Print the address of the page, but do not open it.
     beside
-        Another design file to compare with this one, with its response.
+        Another design file, which is shown with its response for comparison.
     export
-        Write a page with sliders to this .html file, which needs no server, and end.
+        Write a page with sliders to this .html file and exit; the page needs no server.
     """
     if export is not None:
-        refused = {"--listen": listen != LOCAL, "--no-browser": no_browser, "--beside": beside is not None}
-        if stated := [name for name, given in refused.items() if given]:
-            limit = "does not apply with --export, which serves nothing"
-            raise SpecError(", ".join(stated), limit=limit, remedy="omit it")
+        not_applicable = {"--listen": listen != LOCAL, "--no-browser": no_browser, "--beside": beside is not None}
+        if given_options := [name for name, is_given in not_applicable.items() if is_given]:
+            limit = "does not apply with --export, which starts no server"
+            raise SpecError(", ".join(given_options), limit=limit, remedy="omit it")
         return write_page(file, export, options, set_, progress)
     if options != SlidersOptions():
-        raise SpecError(
-            "--over, --drawn-rays", limit="apply only to a stand-alone page", remedy="add --export page.html"
-        )
+        raise SpecError("--over, --drawn-rays", limit="apply only to an exported page", remedy="add --export page.html")
     _serve(file, dict(parse_assignment(text) for text in set_ or ()), listen, beside, no_browser=no_browser)
     return None
 
@@ -80,29 +78,29 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
         )
         print(line, file=sys.stderr)
 
-    def opened(address: str) -> None:
+    def announce(address: str) -> None:
         print(json.dumps({"address": address}) if SHOWN.as_json else f"{file} at {address} (Ctrl-C ends)", flush=True)
         if not no_browser:
             webbrowser.open(address)
 
-    serve(document, address=listen, opened=opened, shown=printed)
-    if document.kept is not None:
-        print(f"not saved, kept in {document.kept}", file=sys.stderr)
+    serve(document, address=listen, announce=announce, printed_lines=printed)
+    if document.unsaved_file is not None:
+        print(f"unsaved changes are kept in {document.unsaved_file}", file=sys.stderr)
 
 
 def printed(command: str, result: Any) -> list[str]:
-    """Return the lines that a command, such as ``resin cure``, prints for its result."""
-    group, _, own = command.rpartition(" ")
-    where = {name: place for name, place, _ in COMMANDS[group]}[own]
-    importlib.import_module(f"solen.cli.{where.partition(':')[0]}")
+    """Return the lines that a command such as ``resin cure`` prints for its result."""
+    group, _, name = command.rpartition(" ")
+    location = next(location for command_name, location, _ in COMMANDS[group] if command_name == name)
+    importlib.import_module(f"solen.cli.{location.partition(':')[0]}")
     return list(lines(result))
 
 
 @lines.register
-def _(found: Sliders) -> Iterator[str]:
-    where = "in space" if found.in_space else "in the plane"
-    yield f"simulated: {found.name}, traced {where}; contrast known to {found.u_largest:.1g}"
-    for key, values in zip(found.keys, found.values, strict=True):
+def _(sliders: Sliders) -> Iterator[str]:
+    dimension = "in space" if sliders.in_space else "in the plane"
+    yield f"simulated: {sliders.name}, traced {dimension}; contrast uncertain by up to {sliders.u_largest:.1g}"
+    for key, values in zip(sliders.keys, sliders.values, strict=True):
         yield f"  {key}: {', '.join(f'{value:g}' for value in values)}"
-    if missing := sum(point is None for point in found.points):
-        yield f"  {missing} of {len(found.points)} cannot be built and are omitted"
+    if missing := sum(point is None for point in sliders.points):
+        yield f"  {missing} of {len(sliders.points)} points cannot be built and are omitted"

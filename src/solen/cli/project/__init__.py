@@ -1,1 +1,1 @@
-"""Commands of whole projects: `solen project`."""
+"""The commands of `solen project`: sample data, archives, and the figures of the paper."""

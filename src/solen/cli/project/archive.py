@@ -1,4 +1,4 @@
-"""The commands that pack a sensor into an archive and unpack it."""
+"""Output of the commands that pack and unpack the archive of a sensor."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,7 +8,7 @@ from solen.pipeline.project.archive import pack as pack
 from solen.pipeline.project.archive import unpack as unpack
 
 MAX_COLUMNS = 10
-"""Number of columns of a recording that are listed; the description has all."""
+"""Maximum number of columns of a recording that are listed; the description contains all of them."""
 
 
 @lines.register
@@ -24,10 +24,10 @@ def _(archive: Opened) -> Iterator[str]:
 
 def _about(archive: Archive | Opened, items: Sequence[Item]) -> Iterator[str]:
     yield f"{archive.name}, by {', '.join(archive.authors)}, {archive.licence}"
-    wide = max(len(item.path) for item in items)
+    width = max(len(item.path) for item in items)
     for item in items:
         columns = [f"{name} ({unit})" if unit else name for name, unit in item.quantities.items()]
         simulated = ", simulated" if item.simulated else ""
-        more = f" and {len(columns) - MAX_COLUMNS} more" if len(columns) > MAX_COLUMNS else ""
-        held = f": {', '.join(columns[:MAX_COLUMNS])}{more}" if columns else ""
-        yield f"{item.path:{wide}}  {item.size_bytes:>11,} bytes  {item.kind}{simulated}{held}"
+        remainder = f" and {len(columns) - MAX_COLUMNS} more" if len(columns) > MAX_COLUMNS else ""
+        contents = f": {', '.join(columns[:MAX_COLUMNS])}{remainder}" if columns else ""
+        yield f"{item.path:{width}}  {item.size_bytes:>11,} bytes  {item.kind}{simulated}{contents}"

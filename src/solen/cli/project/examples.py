@@ -1,4 +1,4 @@
-"""The command that copies sample data."""
+"""Output of the command that copies sample data."""
 
 from collections.abc import Iterator
 

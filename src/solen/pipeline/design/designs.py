@@ -53,6 +53,6 @@ def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
     with files.output_folder(folder):
         target, schema = folder / DESIGN_NAME, folder / SCHEMA_NAME
         if target.exists():
-            raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
+            raise OutputError(str(target), limit="already exists", remedy="name another folder or remove it")
         files.write_all({target: text.encode(), schema: json.dumps(json_schema(), indent=1).encode()})
     return Outcome(NewDesign(target, example), {"schema": schema})

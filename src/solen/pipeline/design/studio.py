@@ -5,7 +5,7 @@ from pathlib import Path
 from solen import files
 from solen.errors import OutputError
 from solen.explore.sliders import Sliders, SlidersOptions
-from solen.explore.sliders import sliders as slid
+from solen.explore.sliders import sliders as computed_sliders
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
@@ -23,5 +23,5 @@ def export(
 
     if page.suffix.lower() != ".html":
         raise OutputError(str(page), limit="a page must end in .html", remedy="rename it")
-    result = slid(open_design(file, assignments), options, progress)
+    result = computed_sliders(open_design(file, assignments), options, progress)
     return Outcome(result, {"page": files.write_text(page, html(result))})

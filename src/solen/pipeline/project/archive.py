@@ -1,4 +1,4 @@
-"""One sensor as one archive: packed to be shared, unpacked elsewhere."""
+"""Archives of one sensor: packing one to be shared, and unpacking one that was received."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,18 +23,18 @@ def pack(
     Parameters
     ----------
     file
-        The design file; the files that it names are included.
+        The design file; files that it names are included.
     further
         Files and folders: print settings, images, recordings, calibrations, figures.
     out
-        Archive: a zip file if the name ends in .zip, else a new folder.
+        The archive: a zip file if the name ends in .zip, otherwise a new folder.
     """
-    archive = packed(file, further, options, leave_out=out, progress=progress)
+    archive = packed(file, further, options, exclude=out, progress=progress)
     return Outcome(archive, {"out": archive.save(out)})
 
 
 def unpack(file: Path, *, out: Path, limits: Annotated[Limits, FLAT] = Limits()) -> Outcome[Opened]:
-    """Check a received archive, and unpack it into a new folder.
+    """Check a received archive and unpack it into a new folder.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The figures of the paper that software can make, with a page that compares them with the paper's statements."""
+"""The figures of the paper that software can make, and a page that compares its statements with solen."""
 
 import json
 from pathlib import Path
@@ -7,12 +7,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen import files
-from solen.paper.records import Drawing, Record, chosen, read_record, record_text
+from solen.paper.records import Drawing, read_record, record_text, select_figures
 from solen.paper.reproduction import ReproducedFigure, Reproduction
 from solen.pipeline.options import ProgressBar
 from solen.pipeline.outputs import figure_bytes
 from solen.pipeline.project.paper.model import PaperFigure, Picture
-from solen.progress import part_of
+from solen.progress import tracked
 from solen.results import Outcome
 
 DPI = 160
@@ -21,10 +21,10 @@ Figures = Annotated[tuple[str, ...], Parameter(name="--figure")]
 
 
 def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None) -> Outcome[Reproduction]:
-    """Make the paper's figures from what ships with solen, and compare its numbers with solen's.
+    """Reproduce the figures of the paper, and compare its values with those computed by solen.
 
-    Data that the paper does not publish are simulated and marked as such. A finished figure is not made again unless
-    solen or its files have changed, so an interrupted run continues.
+    Data that the paper does not publish are simulated and marked as such. A finished figure is kept unless solen or its
+    files have changed, so an interrupted run can be continued.
 
     Parameters
     ----------
@@ -41,48 +41,53 @@ def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None)
     from solen.pipeline.project.paper import FIGURES
     from solen.report.paper.page import page
 
-    names = chosen([one.name for one in FIGURES], figures)
-    with files.output_folder(out), files.output_folder(out / "figures") as drawn, files.output_folder(out / "data"):
-        wanted = [one for one in FIGURES if one.name in names]
+    names = select_figures([figure.name for figure in FIGURES], figures)
+    with files.output_folder(out), files.output_folder(out / "figures") as folder, files.output_folder(out / "data"):
+        requested = [figure for figure in FIGURES if figure.name in names]
         made: set[str] = set()
-        for place, one in enumerate(wanted):
-            if read_record(_record(drawn, one)) is None:
-                _make(one, out)
-                made.add(one.name)
-            if (part := part_of(progress, place, len(wanted))) is not None:
-                part(1.0)
-        found = [(one, record) for one in FIGURES if (record := read_record(_record(drawn, one))) is not None]
+        for figure in tracked(requested, progress):
+            if read_record(_record(folder, figure)) is None:
+                _make(figure, out)
+                made.add(figure.name)
+        records = {figure.name: read_record(_record(folder, figure)) for figure in FIGURES}
         result = Reproduction(
-            figures=tuple(_reproduced(one, record, again=one.name in made) for one, record in found),
-            not_made=tuple(one.name for one in FIGURES if one.name not in {other.name for other, _ in found}),
+            figures=tuple(
+                ReproducedFigure(
+                    figure.name,
+                    figure.title,
+                    figure.commands,
+                    record.drawings,
+                    record.compared,
+                    figure.name in made,
+                )
+                for figure in FIGURES
+                if (record := records[figure.name]) is not None
+            ),
+            not_made=tuple(name for name, record in records.items() if record is None),
         )
-        contents = {PAGE: page(result.figures, result.not_made, drawn), "reproduction.json": _json(result)}
+        contents = {PAGE: page(result.figures, result.not_made, folder), "reproduction.json": _json(result)}
         files.write_all({out / name: text.encode() for name, text in contents.items()})
     return Outcome(result, {"page": out / PAGE})
 
 
-def _make(one: PaperFigure, out: Path) -> None:
+def _make(figure: PaperFigure, out: Path) -> None:
     """Make a figure: write its drawings and, last, its record."""
-    drawn, made = out / "figures", one.make(out / "data")
-    contents = {picture.file: _drawn(picture) for picture in made.pictures}
+    folder, made = out / "figures", figure.make(out / "data")
+    contents = {picture.file: _image(picture) for picture in made.pictures}
     drawings = [Drawing(file=picture.file, alt=picture.alt, mark=picture.mark) for picture in made.pictures]
-    texts = contents | {_record(drawn, one).name: record_text(drawings, made.comparisons, contents)}
-    files.write_all({drawn / name: content for name, content in texts.items()})
+    outputs = contents | {_record(folder, figure).name: record_text(drawings, made.comparisons, contents)}
+    files.write_all({folder / name: content for name, content in outputs.items()})
 
 
-def _drawn(picture: Picture) -> bytes:
+def _image(picture: Picture) -> bytes:
     from solen.report.paper.figures import marked
 
-    path, look = Path(picture.file), picture.look.model_copy(update={"dpi": DPI})
-    return figure_bytes(lambda: marked(picture.draw(), picture.mark), path, path.stem, look)
+    path, options = Path(picture.file), picture.options.model_copy(update={"dpi": DPI})
+    return figure_bytes(lambda: marked(picture.draw(), picture.mark), path, path.stem, options)
 
 
-def _record(folder: Path, one: PaperFigure) -> Path:
-    return folder / f"{one.name}.json"
-
-
-def _reproduced(one: PaperFigure, record: Record, *, again: bool) -> ReproducedFigure:
-    return ReproducedFigure(one.name, one.title, one.commands, record.drawings, record.compared, again)
+def _record(folder: Path, figure: PaperFigure) -> Path:
+    return folder / f"{figure.name}.json"
 
 
 def _json(result: Reproduction) -> str:

@@ -1,1 +1,1 @@
-"""The paper's figures as made by solen, and the page that compares their values with the paper's."""
+"""The figures of the paper as reproduced by solen, and the page that compares their values with those of the paper."""

@@ -23,11 +23,11 @@ from solen.material import Cauchy
 from solen.plane import Point, along, cross, dot, heading, minus
 from solen.scene.model import Behaviour, Interface, Region
 from solen.scene.rayoptics.facets import Facets
-from solen.scene.rayoptics.intersections import crossings, part, place_of, without_loops
+from solen.scene.rayoptics.intersections import crossings, parameter_of, part, without_loops
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]
-"""Number of times that each glass contains a point."""
+"""Number of times that each glass encloses a point."""
 
 DIRECTIONS = tuple(heading(angle_deg) for angle_deg in (17.3, 131.9, 253.1))
 """Directions along which outline crossings are counted; the majority decides."""
@@ -74,11 +74,11 @@ class _Portion:
 
 @dataclass(frozen=True)
 class Arranged:
-    """Regions and interfaces, and the elements that could not be placed, each with the reason."""
+    """Regions and interfaces, and the elements that are not supported, each with the reason."""
 
     regions: tuple[Region, ...]
     interfaces: tuple[Interface, ...]
-    refused: tuple[tuple[str, str], ...]
+    rejected: tuple[tuple[str, str], ...]
 
 
 def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) -> Arranged:
@@ -89,36 +89,38 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
     indices depend on the wavelength.
     """
     glasses = [part for part in parts if isinstance(part, Glass)]
-    known: dict[Levels, str] = {}
+    region_names: dict[Levels, str] = {}
     interfaces: list[Interface] = []
-    refused: dict[str, str] = {}
+    rejected: dict[str, str] = {}
     counts: dict[str, int] = {}
     for portion in _portions(parts, tolerance):
         owners = [parts[i] for i in portion.owners]
-        left, right = (_levels(glasses, portion.curve, way * 4.0 * tolerance) for way in (1.0, -1.0))
-        head = next((owner for owner in owners if isinstance(owner, Element)), owners[0])
-        if left == right and isinstance(head, Glass):
+        left, right = (_levels(glasses, portion.curve, side * 4.0 * tolerance) for side in (1.0, -1.0))
+        principal = next((owner for owner in owners if isinstance(owner, Element)), owners[0])
+        if left == right and isinstance(principal, Glass):
             continue
-        if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
-            refused[head.name] = f"is a {head.behaviour} on a glass surface, which is not supported"
+        if left != right and isinstance(principal, Element) and principal.behaviour in ("splitter", "lens"):
+            rejected[principal.name] = f"is a {principal.behaviour} on a glass surface, which is not supported"
             continue
-        if isinstance(head, Element) and head.behaviour == "grating" and any(left + right):
-            refused[head.name] = "is a grating in or on glass, where ray-optics uses the wavelength in air"
+        if isinstance(principal, Element) and principal.behaviour == "grating" and any(left + right):
+            rejected[principal.name] = "is a grating in or on glass, where ray-optics uses the wavelength in air"
             continue
         if sum(isinstance(owner, Element) for owner in owners) > 1:
-            refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
-        counts[head.name] = counts.get(head.name, 0) + 1
-        sides = (known.setdefault(levels, _region_name(glasses, levels)) for levels in (left, right))
-        interfaces.append(_interface(f"{head.name}.{counts[head.name]}", portion.curve, head, *sides))
-    known.setdefault((0,) * len(glasses), AIR)
-    regions = tuple(_region(name, glasses, levels, colours) for levels, name in known.items())
-    return Arranged(regions, tuple(interfaces), tuple(refused.items()))
+            rejected[next(o.name for o in owners if isinstance(o, Element) and o is not principal)] = (
+                f"lies on {principal.name}"
+            )
+        counts[principal.name] = counts.get(principal.name, 0) + 1
+        sides = (region_names.setdefault(levels, _region_name(glasses, levels)) for levels in (left, right))
+        interfaces.append(_interface(f"{principal.name}.{counts[principal.name]}", portion.curve, principal, *sides))
+    region_names.setdefault((0,) * len(glasses), AIR)
+    regions = tuple(_region(name, glasses, levels, colours) for levels, name in region_names.items())
+    return Arranged(regions, tuple(interfaces), tuple(rejected.items()))
 
 
-def _interface(name: str, curve: Curve, head: Glass | Element, left: str, right: str) -> Interface:
-    if isinstance(head, Element):
-        return Interface(name, curve, left, right, head.behaviour, surface=head.surface)
-    return Interface(name, curve, left, right, surface=None if head.partial else Surface(partial=False))
+def _interface(name: str, curve: Curve, principal: Glass | Element, left: str, right: str) -> Interface:
+    if isinstance(principal, Element):
+        return Interface(name, curve, left, right, principal.behaviour, surface=principal.surface)
+    return Interface(name, curve, left, right, surface=None if principal.partial else Surface(partial=False))
 
 
 def _region_name(glasses: Sequence[Glass], levels: Levels) -> str:
@@ -131,14 +133,16 @@ def _power(name: str, level: int) -> str:
 
 
 def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) -> Region:
-    held = [(glass, level) for glass, level in zip(glasses, levels, strict=True) if level]
-    if not colours or not any(glass.b_um2 for glass, _ in held):
-        return Region(name, math.prod(glass.a**level for glass, level in held))
-    if min(level for _, level in held) < 0:
+    members = [(glass, level) for glass, level in zip(glasses, levels, strict=True) if level]
+    if not colours or not any(glass.b_um2 for glass, _ in members):
+        return Region(name, math.prod(glass.a**level for glass, level in members))
+    if min(level for _, level in members) < 0:
         raise DesignError(
-            f"region {name}", limit="a dispersive glass lies outside its outline: reverse the direction of the outline"
+            f"region {name}",
+            limit="contains a dispersive glass that is outside its outline",
+            remedy="reverse the direction of the outline",
         )
-    return Region(name, _product([glass for glass, level in held for _ in range(level)]))
+    return Region(name, _product([glass for glass, level in members for _ in range(level)]))
 
 
 def _product(glasses: Iterable[Glass]) -> Cauchy:
@@ -146,20 +150,20 @@ def _product(glasses: Iterable[Glass]) -> Cauchy:
     a, b, c = 1.0, 0.0, 0.0
     for glass in glasses:
         if c and glass.b_um2:
-            limit = "at most two of the overlapping glasses may be dispersive"
+            limit = "is a third dispersive glass at the same position, but only two may overlap"
             raise DesignError(f"glass {glass.name}", limit=limit, remedy="set cauchyB of the others to 0")
         a, b, c = a * glass.a, a * glass.b_um2 + b * glass.a, b * glass.b_um2 + c * glass.a
     return Cauchy(A=a, B_um2=b, C_um4=c)
 
 
 def _portions(parts: Sequence[Glass | Element], tolerance: float) -> list[_Portion]:
-    whole = [
+    portions = [
         _Portion(piece, [i])
-        for i, one in enumerate(parts)
-        for curve in (one.outline if isinstance(one, Glass) else one.curves)
+        for i, owner in enumerate(parts)
+        for curve in (owner.outline if isinstance(owner, Glass) else owner.curves)
         for piece in without_loops(curve)
     ]
-    return _divided_at_crossings(_united(_divided_at_ends(whole, tolerance), tolerance), tolerance)
+    return _divided_at_crossings(_united(_divided_at_ends(portions, tolerance), tolerance), tolerance)
 
 
 def _divided_at_ends(portions: list[_Portion], tolerance: float) -> list[_Portion]:
@@ -169,8 +173,8 @@ def _divided_at_ends(portions: list[_Portion], tolerance: float) -> list[_Portio
     divided: list[_Portion] = []
     for portion in portions:
         near = _near(portion.curve, corners, tolerance)
-        places = [place_of(portion.curve, ends[i], tolerance) for i in near]
-        divided += _cut(portion, [u for u in places if u is not None], tolerance)
+        cuts = [parameter_of(portion.curve, ends[i], tolerance) for i in near]
+        divided += _cut(portion, [u for u in cuts if u is not None], tolerance)
     return divided
 
 
@@ -186,13 +190,13 @@ def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def _cut(portion: _Portion, places: Iterable[float], tolerance: float) -> list[_Portion]:
+def _cut(portion: _Portion, cuts: Iterable[float], tolerance: float) -> list[_Portion]:
     """Cut a segment at these parameters, ignoring any within the tolerance of another cut or of an end."""
     curve = portion.curve
     kept = [0.0]
-    for u in sorted(places):
-        here, last, end = curve.points(np.array([u, kept[-1], 1.0]))
-        if u > kept[-1] and min(math.dist(here, last), math.dist(here, end)) > tolerance:
+    for u in sorted(cuts):
+        cut, last, end = curve.points(np.array([u, kept[-1], 1.0]))
+        if u > kept[-1] and min(math.dist(cut, last), math.dist(cut, end)) > tolerance:
             kept.append(u)
     return [_Portion(part(curve, low, high), list(portion.owners)) for low, high in pairwise([*kept, 1.0])]
 
@@ -212,30 +216,30 @@ def _united(portions: list[_Portion], tolerance: float) -> list[_Portion]:
 
 
 def _coincide(a: Curve, b: Curve, tolerance: float) -> bool:
-    together = (math.dist(a.start, b.start), math.dist(a.end, b.end))
-    crosswise = (math.dist(a.start, b.end), math.dist(a.end, b.start))
-    if min(max(together), max(crosswise)) > 2.0 * tolerance:
+    same_direction = (math.dist(a.start, b.start), math.dist(a.end, b.end))
+    opposite_direction = (math.dist(a.start, b.end), math.dist(a.end, b.start))
+    if min(max(same_direction), max(opposite_direction)) > 2.0 * tolerance:
         return False
-    return place_of(b, a.middle_point, 2.0 * tolerance) is not None
+    return parameter_of(b, a.middle_point, 2.0 * tolerance) is not None
 
 
 def _divided_at_crossings(portions: list[_Portion], tolerance: float) -> list[_Portion]:
-    places: list[list[float]] = [[] for _ in portions]
+    cuts: list[list[float]] = [[] for _ in portions]
     boxes = [_box(portion.curve) for portion in portions]
     for i, j in combinations(range(len(portions)), 2):
         if np.any(np.maximum(boxes[i][0], boxes[j][0]) > np.minimum(boxes[i][1], boxes[j][1])):
             continue
         for u, v in crossings(portions[i].curve, portions[j].curve, tolerance):
-            places[i].append(u)
-            places[j].append(v)
-    pairs = zip(portions, places, strict=True)
+            cuts[i].append(u)
+            cuts[j].append(v)
+    pairs = zip(portions, cuts, strict=True)
     return [piece for portion, cuts in pairs for piece in _cut(portion, cuts, tolerance)]
 
 
-def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
-    """Return how many times each glass contains the point at the distance ``aside`` to the left of a curve."""
+def _levels(glasses: Sequence[Glass], curve: Curve, offset_mm: float) -> Levels:
+    """Return how many times each glass encloses the point at the distance ``offset_mm`` to the left of a curve."""
     at = curve.point_at(SIDE_POINT)
-    point = along(at, curve.normal_at(at), aside)
+    point = along(at, curve.normal_at(at), offset_mm)
     return tuple(_level(glass, point) for glass in glasses)
 
 
@@ -243,12 +247,11 @@ def _level(glass: Glass, point: Point) -> int:
     if glass.endless:
         line = glass.outline[0]
         return int(cross(minus(line.end, line.start), minus(point, line.start)) < 0.0)
-    votes = sorted(_turns(glass, point, direction) for direction in DIRECTIONS)
-    return votes[1]
+    return sorted(_winding(glass, point, direction) for direction in DIRECTIONS)[1]
 
 
-def _turns(glass: Glass, point: Point, direction: Point) -> int:
-    """Count crossings of a glass outline from a point outwards: modulo 2, or with signs if the outline is oriented."""
+def _winding(glass: Glass, point: Point, direction: Point) -> int:
+    """Count the crossings of a ray with a glass outline: modulo 2, or with signs if the outline is oriented."""
     total = 0
     for curve in glass.outline:
         for t in curve.hits(point, direction):

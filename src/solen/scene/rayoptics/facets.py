@@ -17,27 +17,27 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import Curve
 from solen.plane import Point, Rigid, cross, dot, left_of
-from solen.scene.rayoptics.fields import MAX_NUMBER, UnreadError
+from solen.scene.rayoptics.fields import MAX_NUMBER, UnreadableError
 
 Blend = Literal["images", "lengths", "units"]
 
-STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
-"""For a formula over a line: sampling step, offset of the first point, and maximum distance of the last point beyond
-the end of the line.
+STEP, FIRST_OFFSET, MAX_OVERSHOOT = 0.1000001, 0.05, 0.09
+"""For a formula over a line: sampling step, offset of the first point, and maximum distance by which the last point may
+overshoot the end of the line.
 """
-UNLIKE = 10.0
+MAX_LENGTH_RATIO = 10.0
 """Neighbouring chords of a parametric curve are not blended if the ratio of their lengths is at least this large."""
 MAX_CORNERS = 200_000
 
 
 @dataclass(frozen=True)
 class Facets(Curve):
-    """Polyline through ``corners``, from parameter ``low`` to ``high``; its integer part is the chord number.
+    """Polyline through ``corners`` from position ``low`` to ``high``; the integer part of a position is a chord number.
 
-    ``blend`` determines how neighbouring chords are blended. Along a base line, mirrors blend *images* and glasses
-    blend normals, both weighted by the squared *lengths* of the chords. A parametric curve blends normals with weights
-    that add up to 1 (*units*), except between chords of very different lengths. A hit closer than ``skin`` is ignored
-    for a ray that leaves the curve.
+    ``blend`` determines how neighbouring chords are blended. For a formula over a line, a mirror blends the mirror
+    images of the ray (``"images"``) and a glass blends the normals (``"lengths"``), both weighted by the squared chord
+    lengths. A parametric curve blends normals with weights that add up to 1 (``"units"``), except between chords
+    of very different lengths. A hit closer than ``skin`` is ignored for a ray that leaves the curve.
     """
 
     corners: tuple[Point, ...]
@@ -66,25 +66,25 @@ class Facets(Curve):
     def points(self, u: FloatArray) -> FloatArray:
         """See `Curve.points`."""
         starts, steps, _ = self._table
-        place = self.low + u * (self.high - self.low)
-        which = np.clip(np.floor(place), 0, len(starts) - 1).astype(int)
-        return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
+        position = self.low + u * (self.high - self.low)
+        chords = np.clip(np.floor(position), 0, len(starts) - 1).astype(int)
+        return np.asarray(starts[chords] + (position - chords)[:, None] * steps[chords])
 
     def velocities(self, u: FloatArray) -> FloatArray:
         """See `Curve.velocities`; at a corner, the velocity of the next chord is returned."""
         _, steps, _ = self._table
-        place = self.low + u * (self.high - self.low)
-        return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
+        position = self.low + u * (self.high - self.low)
+        return np.asarray((self.high - self.low) * steps[np.clip(np.floor(position), 0, len(steps) - 1).astype(int)])
 
     def part(self, u_from: float, u_to: float) -> "Facets":
         """See `Curve.part`; the normals at the ends are blended with those of the facets beyond the ends."""
         span = self.high - self.low
         return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
 
-    def place(self, point: Point) -> float:
-        """Parameter, from 0 to 1, of the point on the curve that is nearest to ``point``."""
-        chord, share = self._chord(point)
-        return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
+    def parameter_of(self, point: Point) -> float:
+        """Return the parameter, from 0 to 1, of the point on the curve that is nearest to ``point``."""
+        chord, fraction = self._chord(point)
+        return min(max((chord + fraction - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def normal_at(self, point: Point) -> Point:
         """See `Curve.normal_at`; normals are blended as for a mirror.
@@ -94,42 +94,42 @@ class Facets(Curve):
         blended = self._blended(point)
         doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)
         half = np.sqrt(doubled / abs(doubled)) if doubled else 1.0
-        own = complex(*blended[0][1])
-        turned = half * math.copysign(1.0, (half * own.conjugate()).real)
-        return left_of((turned.real, turned.imag))
+        nearest = complex(*blended[0][1])
+        tangent = half * math.copysign(1.0, (half * nearest.conjugate()).real)
+        return left_of((tangent.real, tangent.imag))
 
-    def normal_met(self, point: Point, direction: Point) -> Point:
-        """Left normal where a ray meets the curve.
+    def normal_at_hit(self, point: Point, direction: Point) -> Point:
+        """Return the left normal at a point for a ray that arrives in ``direction``.
 
-        For a glass, each chord is also weighted by the cosine of the incidence angle.
+        For a glass, each chord is also weighted by the cosine of the angle of incidence.
         """
         if self.blend == "images":
             return self.normal_at(point)
         x = z = 0.0
         for weight, tangent in self._blended(point):
             normal = left_of(tangent)
-            stands = weight * dot(direction, normal)
-            x, z = x + stands * normal[0], z + stands * normal[1]
+            scaled = weight * dot(direction, normal)
+            x, z = x + scaled * normal[0], z + scaled * normal[1]
         left = left_of(self._blended(point)[0][1])
-        way = math.copysign(1.0, dot((x, z), left)) / (math.hypot(x, z) or math.nan)
-        return (way * x, way * z) if way == way else left
+        sign = math.copysign(1.0, dot((x, z), left)) / (math.hypot(x, z) or math.nan)
+        return (sign * x, sign * z) if sign == sign else left
 
     def _blended(self, point: Point) -> list[tuple[float, Point]]:
         """Weights and unit tangents of the chord nearest to a point and, if they are blended, of its neighbour."""
-        chord, share = self._chord(point)
-        other = chord - 1 if share < 0.5 else chord + 1
-        own = 0.5 + share if share < 0.5 else 1.5 - share
+        chord, fraction = self._chord(point)
+        other = chord - 1 if fraction < 0.5 else chord + 1
+        weight = 0.5 + fraction if fraction < 0.5 else 1.5 - fraction
         _, steps, lengths = self._table
         if self.closed and self.blend != "units":
             other %= len(steps)
         if not 0 <= other < len(steps) or lengths[other] == 0.0:
             return [(1.0, self._tangent(chord))]
         if self.blend == "units":
-            if not 1.0 / UNLIKE < lengths[other] / lengths[chord] < UNLIKE:
+            if not 1.0 / MAX_LENGTH_RATIO < lengths[other] / lengths[chord] < MAX_LENGTH_RATIO:
                 return [(1.0, self._tangent(chord))]
-            weights = (own, 1.0 - own)
+            weights = (weight, 1.0 - weight)
         else:
-            weights = (own * float(lengths[chord]) ** 2, (1.0 - own) * float(lengths[other]) ** 2)
+            weights = (weight * float(lengths[chord]) ** 2, (1.0 - weight) * float(lengths[other]) ** 2)
         return [(weights[0], self._tangent(chord)), (weights[1], self._tangent(other))]
 
     def _tangent(self, chord: int) -> Point:
@@ -149,11 +149,11 @@ class Facets(Curve):
         slant = direction[0] * steps[:, 1] - direction[1] * steps[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             t = (x * steps[:, 1] - z * steps[:, 0]) / slant
-            place = np.arange(len(starts)) + (x * direction[1] - z * direction[0]) / slant
-            share = place - np.arange(len(starts))
-            held = (share >= 0.0) & (share <= 1.0) & (place >= self.low) & (place <= self.high)
-            found = t[held & (t > (self.skin if leaving else 0.0))]
-        return tuple(found.tolist())
+            position = np.arange(len(starts)) + (x * direction[1] - z * direction[0]) / slant
+            fraction = position - np.arange(len(starts))
+            within = (fraction >= 0.0) & (fraction <= 1.0) & (position >= self.low) & (position <= self.high)
+            hits = t[within & (t > (self.skin if leaving else 0.0))]
+        return tuple(hits.tolist())
 
     def moved(self, motion: Rigid) -> "Facets":
         """See `Curve.moved`."""
@@ -169,19 +169,19 @@ class Facets(Curve):
         starts, steps, lengths = self._table
         offset = np.array(point) - starts
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.clip((offset * steps).sum(axis=1) / lengths**2, 0.0, 1.0)
-        away = np.hypot(*(offset - share[:, None] * steps).T)
-        chord = int(np.nanargmin(away))
-        return chord, float(share[chord])
+            fraction = np.clip((offset * steps).sum(axis=1) / lengths**2, 0.0, 1.0)
+        distances = np.hypot(*(offset - fraction[:, None] * steps).T)
+        chord = int(np.nanargmin(distances))
+        return chord, float(fraction[chord])
 
 
 def over_line(length: float, scale: float) -> list[float]:
     """Return the positions along a base at which ray-optics evaluates a formula, from one end to the other."""
     if length / scale > MAX_CORNERS * STEP:
-        raise UnreadError("p2", f"would produce more than {MAX_CORNERS} facets")
+        raise UnreadableError("p2", f"would produce more than {MAX_CORNERS} facets")
     values, i = [], -STEP * scale
-    while i < length + BEYOND * scale:
-        values.append(min(max(i + FIRST * scale, 0.0), length))
+    while i < length + MAX_OVERSHOOT * scale:
+        values.append(min(max(i + FIRST_OFFSET * scale, 0.0), length))
         i += STEP * scale
     return values
 
@@ -189,17 +189,17 @@ def over_line(length: float, scale: float) -> list[float]:
 def along_parameter(low: float, high: float, step: float) -> list[float]:
     """Return the parameters at which ray-optics evaluates a parametric formula."""
     if not step > 0.0 or (high - low) / step > MAX_CORNERS:
-        raise UnreadError("tStep", f"must be above 0 and give at most {MAX_CORNERS} facets, not {step:g}")
-    found, t = [low], low + step
+        raise UnreadableError("tStep", f"must be above 0 and give at most {MAX_CORNERS} facets, not {step:g}")
+    parameters, t = [low], low + step
     while t < high:
-        found.append(t)
+        parameters.append(t)
         t += step
-    return [*found, high]
+    return [*parameters, high]
 
 
-def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
-    """Return the points at these positions; raise `UnreadError` if the formula is undefined there."""
-    points = [at(place) for place in places]
+def sampled(at: Callable[[float], Point], parameters: list[float], key: str) -> list[Point]:
+    """Return the points at these parameters; raise `UnreadableError` if the formula is undefined there."""
+    points = [at(parameter) for parameter in parameters]
     if not all(abs(x) <= MAX_NUMBER and abs(z) <= MAX_NUMBER for x, z in points):
-        raise UnreadError(key, f"is undefined or exceeds {MAX_NUMBER:g} in part of its range")
+        raise UnreadableError(key, f"is undefined or exceeds {MAX_NUMBER:g} in part of its range")
     return points

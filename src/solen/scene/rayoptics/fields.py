@@ -1,4 +1,4 @@
-"""Fields of one object in the file, each with its default; a missing field, wrong type or unknown key is an error.
+"""Keys of one object in the file, read with their defaults; a missing key or a value of the wrong type is an error.
 
 In the file y points down; in solen z points up. With (x, z) = (x, −y) an image keeps its orientation.
 """
@@ -38,7 +38,7 @@ class NotUnderstood:
         return f"{what}{'' if self.key is None else f', {self.key}'}: {self.reason}"
 
 
-class UnreadError(Exception):
+class UnreadableError(Exception):
     """An object that cannot be read, with the invalid key and the reason."""
 
     def __init__(self, key: str | None, reason: str) -> None:
@@ -49,7 +49,7 @@ class UnreadError(Exception):
 
 @dataclass
 class Fields:
-    """Object number ``number`` in the file; ``unread`` contains the keys that have not been read yet."""
+    """Object ``number`` of the file, of the given type; ``unread`` contains the keys that have not been read yet."""
 
     number: int
     type: str
@@ -70,9 +70,9 @@ class Fields:
         value = self._value(key)
         number = default if default is not None and key not in self.data else finite(key, value)
         if not number > above:
-            raise UnreadError(key, f"must be above {above:g}, not {number:g}")
+            raise UnreadableError(key, f"must be above {above:g}, not {number:g}")
         if not number >= least:
-            raise UnreadError(key, f"must be at least {least:g}, not {number:g}")
+            raise UnreadableError(key, f"must be at least {least:g}, not {number:g}")
         return number
 
     def _of_type(self, key: str, kind: builtins.type[T], default: T, what: str) -> T:
@@ -80,16 +80,16 @@ class Fields:
         if value is None:
             return default
         if not isinstance(value, kind):
-            raise UnreadError(key, f"must be {what}, not {shown(value)}")
+            raise UnreadableError(key, f"must be {what}, not {shown(value)}")
         return value
 
     def flag(self, key: str, default: bool = False) -> bool:
         """Read true or false."""
         return self._of_type(key, bool, default, "true or false")
 
-    def choice(self, key: str, default: str) -> str:
-        """Read a text that must be one of the choices."""
-        return self._of_type(key, str, default, "text")
+    def string(self, key: str, default: str) -> str:
+        """Read a string."""
+        return self._of_type(key, str, default, "a string")
 
     def point(self, key: str) -> Point:
         """Read a point."""
@@ -101,7 +101,7 @@ class Fields:
         if value is None and default is not None:
             return default
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise UnreadError(key, f"must be a list of objects, not {shown(value)}")
+            raise UnreadableError(key, f"must be a list of objects, not {shown(value)}")
         return value
 
     def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
@@ -110,7 +110,7 @@ class Fields:
         if value is None:
             return default
         if not isinstance(value, list):
-            raise UnreadError(key, f"must be a list of numbers, not {shown(value)}")
+            raise UnreadableError(key, f"must be a list of numbers, not {shown(value)}")
         return tuple(finite(f"{key}[{i}]", item) for i, item in enumerate(value))
 
     def formula(self, key: str, variable: str, default: str) -> Expression:
@@ -126,36 +126,36 @@ class Fields:
 def expression(key: str, value: Any, variable: str) -> Expression:
     """Return a formula with one variable; a number becomes a constant formula."""
     if isinstance(value, Expression):
-        return value.of(variable)
+        return value.in_variable(variable)
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = repr(finite(key, value))
     if not isinstance(value, str):
-        raise UnreadError(key, f"must be a formula, not {shown(value)}")
+        raise UnreadableError(key, f"must be a formula, not {shown(value)}")
     return Expression(value, (variable,))
 
 
 def finite(key: str, value: Any) -> float:
     """Return the value as a finite number."""
     if value is None:
-        raise UnreadError(key, "is missing")
+        raise UnreadableError(key, "is missing")
     number = number_in(value)
     if number is None:
-        raise UnreadError(key, f"must be a number, not {shown(value)}")
+        raise UnreadableError(key, f"must be a number, not {shown(value)}")
     if not abs(number) <= MAX_NUMBER:
-        raise UnreadError(key, f"must be a finite number of at most {MAX_NUMBER:g}, not {shown(value)}")
+        raise UnreadableError(key, f"must be a finite number of at most {MAX_NUMBER:g}, not {shown(value)}")
     return number
 
 
 def point_of(key: str, value: Any) -> Point:
     """Return {x, y} as (x, z) in mm."""
     if value is None:
-        raise UnreadError(key, "is missing")
+        raise UnreadableError(key, "is missing")
     if not isinstance(value, dict):
-        raise UnreadError(key, f"must be a point, not {shown(value)}")
+        raise UnreadableError(key, f"must be a point, not {shown(value)}")
     return (finite(f"{key}.x", value.get("x")), -finite(f"{key}.y", value.get("y")))
 
 
 def shown(value: object) -> str:
-    """Return a value as shortened text."""
+    """Return the repr of a value, truncated to 40 characters."""
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."

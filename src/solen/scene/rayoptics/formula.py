@@ -5,7 +5,7 @@ only to the variables, the constants pi and e, and the functions listed here; it
 
 Supported are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every kind,
 \|a\|, comparisons (1 or 0), ``and``, ``or``, ``not``, and products without a sign, such as 2x. Multiplication and
-division are evaluated from left to right, so 1/2x means (1/2)x; a power binds more strongly than a preceding minus.
+division are evaluated from left to right, so 1/2x means (1/2)x; a power binds more tightly than a preceding minus.
 Angles are in radians. Where a function is undefined, such as the root of a negative number, the value is NaN.
 """
 
@@ -59,13 +59,13 @@ FUNCTIONS: dict[str, Function] = {
     "max": max,
     "min": min,
 }
-OTHER_NAMES = {
+ALIASES = {
     **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
     "ln": "log",
     "sgn": "sign",
 }
-ANY_NUMBER_OF = ("max", "min")
-OF_TWO = ("atan2",)
+VARIADIC = ("max", "min")
+TWO_ARGUMENTS = ("atan2",)
 BINARY: tuple[dict[str, Function], ...] = (
     {"or": lambda a, b: bool(a) or bool(b)},
     {"and": lambda a, b: bool(a) and bool(b)},
@@ -116,7 +116,7 @@ class Formula:
 
 
 def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Function] | None = None) -> Formula:
-    """Parse a formula in these variables; ``functions`` contains further functions by name.
+    """Parse a formula in these variables; ``functions`` contains further functions, keyed by name.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Func
         If the text is not a formula or contains an unknown name; the message gives the position.
     """
     reader = _Reader(text, set(variables), {**FUNCTIONS, **(functions or {})})
-    return Formula(text, reader.whole())
+    return Formula(text, reader.formula())
 
 
 def _tokens(text: str) -> list[Token]:
@@ -147,9 +147,9 @@ def _tokens(text: str) -> list[Token]:
     return [*tokens, Token("end", "", len(text))]
 
 
-def _refuse(text: str, at: int, result: str, limit: str) -> NoReturn:
+def _refuse(text: str, at: int, token: str, limit: str) -> NoReturn:
     shown = text if len(text) <= 60 else f"{text[:57]}..."
-    raise DataError(f"formula {shown!r} at character {at + 1}", value=result or "its end", limit=limit)
+    raise DataError(f"formula {shown!r} at character {at + 1}", value=token or "its end", limit=limit)
 
 
 class _Reader:
@@ -163,7 +163,7 @@ class _Reader:
         self.next = 0
         self.depth = 0
 
-    def whole(self) -> Node:
+    def formula(self) -> Node:
         node = self.binary()
         if self.token.kind != "end":
             self.refuse("is not allowed here")
@@ -188,7 +188,7 @@ class _Reader:
             self.refuse(f"must be {text}")
 
     def binary(self, level: int = 0) -> Node:
-        """Parse binary operators of one precedence level (and, <, + and so on), from left to right."""
+        """Parse the left-associative binary operators of one precedence level, such as + and −."""
         if level == len(BINARY):
             return self.product()
         if level == NEGATION and self.take("not"):
@@ -199,7 +199,7 @@ class _Reader:
         return node
 
     def product(self) -> Node:
-        """Parse a * b / c d."""
+        """Parse a product such as a * b / c d."""
         node = self.signed()
         while True:
             sign = self.take("*", "/")
@@ -217,7 +217,7 @@ class _Reader:
         return token.kind == "number" or (token.kind == "sign" and token.text in "({[")
 
     def signed(self) -> Node:
-        """Parse − a."""
+        """Parse a factor with any number of signs before it."""
         negative = False
         while (sign := self.take("+", "-")) is not None:
             negative ^= sign == "-"
@@ -225,7 +225,7 @@ class _Reader:
         return _called(operator.sub, _constant(0.0), node) if negative else node
 
     def power(self) -> Node:
-        """Parse a ^ b, from right to left."""
+        """Parse a power such as a ^ b, which is right-associative."""
         node = self.atom()
         if self.take("^"):
             return _called(math.pow, node, self.signed_power())
@@ -251,20 +251,20 @@ class _Reader:
 
     def bracket(self) -> Node:
         """Parse the content of the next bracket."""
-        opened = self.take(*CLOSING)
-        if opened is None:
+        bracket_sign = self.take(*CLOSING)
+        if bracket_sign is None:
             self.refuse("must be a bracket")
         self.depth += 1
         if self.depth > MAX_DEPTH:
             self.refuse(f"is nested in more than {MAX_DEPTH} brackets")
         node = self.binary()
         self.depth -= 1
-        self.expect(CLOSING[opened])
-        return _called(abs, node) if opened == "|" else node
+        self.expect(CLOSING[bracket_sign])
+        return _called(abs, node) if bracket_sign == "|" else node
 
     def named(self, token: Token) -> Node:
         """Parse a variable, a constant, or a function with its arguments."""
-        name = OTHER_NAMES.get(token.text, token.text)
+        name = ALIASES.get(token.text, token.text)
         if name in self.variables:
             return _variable(name)
         if name == "frac":
@@ -304,9 +304,9 @@ class _Reader:
             self.expect(")")
         else:
             arguments = [self.atom()]
-        least = 2 if name in (*ANY_NUMBER_OF, *OF_TWO) else 1
-        if name in FUNCTIONS and (len(arguments) < least or (len(arguments) > least and name not in ANY_NUMBER_OF)):
-            takes = ("one argument", "two arguments")[least - 1] + " or more" * (name in ANY_NUMBER_OF)
+        least = 2 if name in (*VARIADIC, *TWO_ARGUMENTS) else 1
+        if name in FUNCTIONS and (len(arguments) < least or (len(arguments) > least and name not in VARIADIC)):
+            takes = ("one argument", "two arguments")[least - 1] + " or more" * (name in VARIADIC)
             self.refuse(f"{name} takes {takes}, not {len(arguments)}")
         node = _called(self.functions[name], *arguments)
         return node if exponent is None else _called(math.pow, node, exponent)
@@ -331,7 +331,7 @@ def _called(function: Function, *arguments: Node) -> Node:
 
 
 def number_in(value: Any) -> float | None:
-    """Return a number, or the value of a text that ray-optics accepts as a number; None for any other value."""
+    """Return a number, or the value of a string that ray-optics accepts as a number; None for any other value."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and not NUMBER.fullmatch(value):

@@ -27,12 +27,12 @@ TOLERANCE = 1e-7
 """Deviation of a chain of cubics, as a fraction of the curve size."""
 CHECKED = np.linspace(0.0, 1.0, 33)
 MIN_WIDTH = 1e-9
-"""Fraction of the total range below which a part is no longer halved."""
+"""Fraction of the total range below which a part is not halved any further."""
 MAX_PIECES = 2000
 
 
 def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
-    """Fit connected curves to the points ``at`` parameters from ``start`` to ``end``.
+    """Fit connected curves to the points that ``at`` returns for parameters from ``start`` to ``end``.
 
     Raises
     ------
@@ -42,12 +42,12 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
     points = _sampled(at, start, end)
     if not np.all(np.abs(points) <= MAX_NUMBER):
         bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= MAX_NUMBER).all(axis=1)))])
-        raise DataError(what, value=f"no value at {bad:g}", limit="must be defined over its entire range")
+        raise DataError(what, limit=f"is undefined at {bad:g}, but must be defined over its entire range")
     size = float(np.ptp(points, axis=0).max())
     if not size > 0.0:
-        raise DataError(what, value="one point", limit="must have a length above 0")
-    whole = _recognised(points, size)
-    return [whole] if whole is not None else _joined(_pieces(at, start, end, size, what), size)
+        raise DataError(what, limit="is constant, so the curve has no length")
+    curve = _recognised(points, size)
+    return [curve] if curve is not None else _joined(_pieces(at, start, end, size, what), size)
 
 
 def _sampled(at: At, start: float, end: float) -> FloatArray:
@@ -126,28 +126,29 @@ def _off_cubic(points: FloatArray, control: Control) -> float:
 def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Curve]:
     """Return consecutive lines, arcs and cubics, obtained by halving the range."""
     curves: list[Curve] = []
-    waiting = [(start, end)]
-    while waiting:
-        low, high = waiting.pop()
+    ranges = [(start, end)]
+    while ranges:
+        low, high = ranges.pop()
         points = _sampled(at, low, high)
         if not np.all(np.abs(points) <= MAX_NUMBER):
-            raise DataError(what, value=f"no value near {low:g}", limit="must be defined over its entire range")
+            raise DataError(what, limit=f"is undefined near {low:g}, but must be defined over its entire range")
         if high - low <= MIN_WIDTH * (end - start):
             first, last = _point(points[0]), _point(points[-1])
             curves += [] if first == last else [Segment(first, last)]
             continue
         control = _cubic(points)
-        if _off_cubic(points, control) <= TOLERANCE * size and _moves(control):
+        if _off_cubic(points, control) <= TOLERANCE * size and _is_smooth(control):
             curves.append(_line_or_cubic(points, control, size))
         else:
             middle = 0.5 * (low + high)
-            waiting += [(middle, high), (low, middle)]
-        if len(curves) + len(waiting) > MAX_PIECES:
-            raise DataError(what, value=f"more than {MAX_PIECES} pieces", limit="the curve requires too many segments")
+            ranges += [(middle, high), (low, middle)]
+        if len(curves) + len(ranges) > MAX_PIECES:
+            raise DataError(what, limit=f"requires a curve of more than {MAX_PIECES} pieces")
     return curves
 
 
-def _moves(control: Control) -> bool:
+def _is_smooth(control: Control) -> bool:
+    """Whether the cubic has a tangent everywhere."""
     try:
         _ = Bezier(*control)
     except DesignError:
@@ -162,23 +163,23 @@ def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
 
 def _joined(pieces: list[Curve], size: float) -> list[Curve]:
     """Join collinear neighbours into one segment, and neighbouring cubics into one spline."""
-    rows: list[list[Curve]] = []
+    groups: list[list[Curve]] = []
     for piece in pieces:
-        if rows and type(rows[-1][-1]) is type(piece) and _goes_on(rows[-1], piece, size):
-            rows[-1].append(piece)
+        if groups and type(groups[-1][-1]) is type(piece) and _continues(groups[-1], piece, size):
+            groups[-1].append(piece)
         else:
-            rows.append([piece])
-    return [_one(group) for group in rows]
+            groups.append([piece])
+    return [_merged(group) for group in groups]
 
 
-def _goes_on(group: list[Curve], piece: Curve, size: float) -> bool:
+def _continues(group: list[Curve], piece: Curve, size: float) -> bool:
     if not isinstance(piece, Segment):
         return True
     points = np.array([*(member.start for member in group), piece.start, piece.end])
     return _off_line(points, group[0].start, piece.end) <= 10 * EXACT * size
 
 
-def _one(group: list[Curve]) -> Curve:
+def _merged(group: list[Curve]) -> Curve:
     if len(group) == 1:
         return group[0]
     if isinstance(group[0], Segment):

@@ -19,21 +19,21 @@ from solen.errors import DataError, DesignError, SolenError
 from solen.results import Result
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
-from solen.scene.rayoptics.fields import GREEN_NM, MAX_NUMBER, Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.fields import GREEN_NM, MAX_NUMBER, Fields, NotUnderstood, UnreadableError
 from solen.scene.rayoptics.formula import number_in
-from solen.scene.rayoptics.modules import unfolded
+from solen.scene.rayoptics.modules import expanded
 from solen.scene.rayoptics.objects import READERS
-from solen.scene.rayoptics.outlines import SceneSettings, line
+from solen.scene.rayoptics.outlines import SceneSettings, read_segment
 from solen.scene.rayoptics.sources import EMISSIONS, SourceSettings, rays
 from solen.scene.sources import Rays
 
 VERSION = 5
 MERGING = 1e-6
-"""Points closer together than this, in length scales of the file, are merged."""
+"""Points closer together than this distance, in length scales of the file, are merged."""
 GREEN = ((GREEN_NM, 1.0),)
 """Spectrum of light at a grating in a scene without colours."""
-WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
-"""Brightness below which a split-off ray is dropped: by default, and if the scene requests correct brightness."""
+MIN_BRIGHTNESS, MIN_CORRECT_BRIGHTNESS = 0.01, 1e-6
+"""Brightness below which a split-off ray is dropped: by default, and if the scene requires correct brightnesses."""
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
 """Objects that do not interact with light."""
 APPEARANCE = frozenset(
@@ -41,7 +41,7 @@ APPEARANCE = frozenset(
     | {"scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"}
     | {"theme", "backgroundImage", "numericalTolerances"}
 )
-"""Scene keys that do not affect light, or that only control how another program computes it."""
+"""Scene keys that do not affect light, or only control how ray-optics computes it."""
 LIGHT = frozenset(
     {"objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors", "colorMode"}
     | {"randomSeed", "maxRayDepth"}
@@ -50,7 +50,7 @@ MODES = ("rays", "extended", "images", "observer")
 MAX_MODULE_DEPTH = 8
 
 
-class Counted(Protocol):
+class MonitorReading(Protocol):
     """Reading of a monitor in a trace."""
 
     @property
@@ -79,16 +79,15 @@ class Detector:
     bins: int = 0
     bin_size: float = 0.0
 
-    def reading(self, monitors: Mapping[str, Counted], emitted: float) -> Reading:
+    def reading(self, monitors: Mapping[str, MonitorReading], emitted: float) -> Reading:
         """Return the detector reading from its monitor readings; bins without a monitor have no length and remain 0."""
-        found = [monitors[monitor.name] for monitor in self.monitors]
-        power = emitted * math.fsum(reading.power for reading in found)
+        readings = [monitors[monitor.name] for monitor in self.monitors]
+        power = emitted * math.fsum(reading.power for reading in readings)
         if not self.bins:
             return Reading(power)
-        parts = [r.power_by_bin if len(r.power_by_bin) else np.array([r.power]) for r in found]
+        powers = np.concatenate([r.power_by_bin if len(r.power_by_bin) else np.array([r.power]) for r in readings])
         values = np.zeros(self.bins)
-        joined = np.concatenate(parts)
-        values[: len(joined)] = joined
+        values[: len(powers)] = powers
         return Reading(power, np.arange(float(self.bins)) * self.bin_size, values * (emitted / self.bin_size))
 
 
@@ -108,9 +107,9 @@ class Imported:
     not_understood
         Parts of the file that were omitted.
     weak, weakest
-        Brightness up to which ray-optics drops the split-off part, and the part that continues.
+        Brightness up to which ray-optics drops a split-off ray, and the ray that continues.
     max_hits
-        Maximum number of objects that a ray meets; None for no limit.
+        Maximum number of objects that a ray may hit; None for no limit.
     fresh
         For each ray, whether it starts a new sequence or continues that of the previous ray.
     """
@@ -123,7 +122,7 @@ class Imported:
     max_hits: int | None
     fresh: tuple[bool, ...] = field(repr=False)
 
-    def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
+    def readings(self, monitors: Mapping[str, MonitorReading]) -> dict[str, Reading]:
         """Return the readings of all detectors from the monitor readings of a trace."""
         return {detector.name: detector.reading(monitors, self.scene.emitted) for detector in self.detectors}
 
@@ -156,7 +155,7 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as bad:
-        raise DataError(where, limit=f"not JSON: {bad}") from None
+        raise DataError(where, limit=f"is not valid JSON: {bad}") from None
     if not recognised(data):
         raise DataError(where, limit="is not a ray-optics scene: it has no list objs and no version")
     if data["version"] != VERSION:
@@ -181,52 +180,53 @@ class _Scene:
         self.data = data
         self.facets = facets
         self.where = where
-        self.missed: list[NotUnderstood] = []
+        self.omitted: list[NotUnderstood] = []
         self.parts: list[Glass | Element] = []
         self.sources: list[Rays] = []
         self.fresh: list[bool] = []
         self.detectors: list[Detector] = []
         self.counts: dict[str, int] = {}
-        self.named: dict[str, tuple[int, str]] = {}
+        self.objects: dict[str, tuple[int, str]] = {}
         self.settings = Fields(0, "scene", data)
         self.settings.unread -= APPEARANCE
         try:
             self.scene_settings = self._scene_settings()
             self.source_settings = self._source_settings()
             self.max_hits = self._max_hits()
-        except UnreadError as bad:
+        except UnreadableError as bad:
             raise DataError(f"{where}: {bad.key}", limit=bad.reason) from None
 
     def imported(self) -> Imported:
         for number, item in self._objects():
             self._read(number, item)
         for key in sorted(self.settings.unread - LIGHT):
-            self._miss(0, "scene", key, "unknown key")
+            self._omit(0, "scene", key, "unknown key")
         try:
-            found = arranged(self.parts, MERGING * self.scene_settings.length_scale, self.scene_settings.colours)
+            arrangement = arranged(self.parts, MERGING * self.scene_settings.length_scale, self.scene_settings.colours)
         except DesignError as bad:
             raise type(bad)(f"{self.where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
-        for name, reason in found.refused:
-            self._miss(*self.named[name], None, reason)
+        for name, reason in arrangement.rejected:
+            self._omit(*self.objects[name], None, reason)
         if not self.sources:
-            why = "; ".join(map(str, self.missed[:2]))
-            limit = f"there is no supported source{f' ({why})' if why else ''}"
+            reasons = "; ".join(map(str, self.omitted[:2]))
+            limit = f"contains no supported source{f' ({reasons})' if reasons else ''}"
             raise DataError(self.where, limit=limit, remedy="add a source")
-        ruled = any(interface.behaviour == "grating" for interface in found.interfaces)
+        has_grating = any(interface.behaviour == "grating" for interface in arrangement.interfaces)
         scene = Scene(
-            found.regions,
-            found.interfaces,
+            arrangement.regions,
+            arrangement.interfaces,
             tuple(
-                source if source.spectrum or not ruled else replace(source, spectrum=GREEN) for source in self.sources
+                source if source.spectrum or not has_grating else replace(source, spectrum=GREEN)
+                for source in self.sources
             ),
             tuple(monitor for detector in self.detectors for monitor in detector.monitors),
             str(self.data.get("name") or Path(self.where).stem),
             open_media=True,
         )
-        weak = WEAK_IN_COLOUR if self.source_settings.correct else WEAK
-        weakest = WEAK_IN_COLOUR if self.source_settings.correct else 0.0
+        weak = MIN_CORRECT_BRIGHTNESS if self.source_settings.correct else MIN_BRIGHTNESS
+        weakest = MIN_CORRECT_BRIGHTNESS if self.source_settings.correct else 0.0
         return Imported(
-            scene, tuple(self.detectors), tuple(self.missed), weak, weakest, self.max_hits, tuple(self.fresh)
+            scene, tuple(self.detectors), tuple(self.omitted), weak, weakest, self.max_hits, tuple(self.fresh)
         )
 
     def _scene_settings(self) -> SceneSettings:
@@ -234,19 +234,22 @@ class _Scene:
         return SceneSettings(scale, self.settings.flag("simulateColors"), _span(self.data["objs"]), self.facets)
 
     def _source_settings(self) -> SourceSettings:
-        mode = self.settings.choice("mode", "rays")
+        mode = self.settings.string("mode", "rays")
         if mode not in MODES:
-            raise UnreadError("mode", f"must be one of {', '.join(MODES)}")
+            raise UnreadableError("mode", f"must be one of {', '.join(MODES)}")
         densities = (self.settings.number_of("rayModeDensity", 0.1), self.settings.number_of("imageModeDensity", 1.0))
         density = densities[mode in ("images", "observer")]
         if not density > 0.0:
-            raise UnreadError("rayModeDensity", f"must be above 0, not {density:g}")
-        correct = self.settings.choice("colorMode", "default") != "default"
+            raise UnreadableError("rayModeDensity", f"must be above 0, not {density:g}")
+        correct = self.settings.string("colorMode", "default") != "default"
         seed = self.data.get("randomSeed")
-        world = self.scene_settings
-        observed = mode == "observer"
         return SourceSettings(
-            density, world.length_scale, world.colours, correct, observed, None if seed is None else str(seed)
+            density,
+            self.scene_settings.length_scale,
+            self.scene_settings.colours,
+            correct,
+            observed=mode == "observer",
+            seed=None if seed is None else str(seed),
         )
 
     def _max_hits(self) -> int | None:
@@ -255,18 +258,18 @@ class _Scene:
             return None
         return max(int(self.settings.number_of("maxRayDepth")), 0)
 
-    def _miss(self, number: int, kind: str, key: str | None, reason: str) -> None:
-        self.missed.append(NotUnderstood(number, kind, key, reason))
+    def _omit(self, number: int, kind: str, key: str | None, reason: str) -> None:
+        self.omitted.append(NotUnderstood(number, kind, key, reason))
 
     def _objects(self) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield objects with their numbers in the file; modules are expanded in place."""
         for number, item in enumerate(self.data["objs"], 1):
             if isinstance(item, dict):
-                yield from self._unfolded(number, item, 0)
+                yield from self._expanded(number, item, 0)
             else:
-                self._miss(number, "object", None, "is not an object")
+                self._omit(number, "object", None, "is not an object")
 
-    def _unfolded(self, number: int, item: dict[str, Any], depth: int) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _expanded(self, number: int, item: dict[str, Any], depth: int) -> Iterator[tuple[int, dict[str, Any]]]:
         if item.get("type") != "ModuleObj":
             yield number, item
             return
@@ -274,40 +277,40 @@ class _Scene:
         modules = self.data.get("modules") or {}
         definition = modules.get(name) if isinstance(modules, dict) and isinstance(name, str) else None
         if not isinstance(definition, dict) or depth > MAX_MODULE_DEPTH:
-            self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it contains itself")
+            self._omit(number, "ModuleObj", "module", f"{name!r} is not a module, or contains itself")
             return
         try:
-            inner = unfolded(definition, item.get("points", []), item.get("params", {}))
+            parts = expanded(definition, item.get("points", []), item.get("params", {}))
         except SolenError as bad:
-            self._miss(number, "ModuleObj", str(name), str(bad))
+            self._omit(number, "ModuleObj", str(name), str(bad))
             return
-        for part in inner:
-            yield from self._unfolded(number, part, depth + 1)
+        for part in parts:
+            yield from self._expanded(number, part, depth + 1)
 
     def _read(self, number: int, item: dict[str, Any]) -> None:
         """Add one object, or record why it cannot be added."""
         kind = item.get("type")
         if kind in NO_LIGHT:
             return
-        kinds: dict[str, Callable[[Fields], None]] = {
+        readers: dict[str, Callable[[Fields], None]] = {
             **dict.fromkeys(READERS, self._take_part),
             **dict.fromkeys(EMISSIONS, self._take_source),
             "Detector": self._take_detector,
         }
-        if not isinstance(kind, str) or kind not in kinds:
-            self._miss(number, str(kind), None, "solen does not support this type of object")
+        if not isinstance(kind, str) or kind not in readers:
+            self._omit(number, str(kind), None, "solen does not support this type of object")
             return
         fields = Fields(number, kind, item)
         try:
-            kinds[kind](fields)
-        except UnreadError as bad:
-            self._miss(number, kind, bad.key, f"{bad.reason}; the object is omitted")
+            readers[kind](fields)
+        except UnreadableError as bad:
+            self._omit(number, kind, bad.key, f"{bad.reason}; the object is omitted")
             return
         except SolenError as bad:
-            self._miss(number, kind, None, f"{bad}; the object is omitted")
+            self._omit(number, kind, None, f"{bad}; the object is omitted")
             return
         for key in sorted(fields.unread):
-            self._miss(number, kind, key, "unknown key")
+            self._omit(number, kind, key, "unknown key")
 
     def _next_name(self, kind: str) -> str:
         """Return the name of the next object of a type, for example glass1."""
@@ -316,7 +319,7 @@ class _Scene:
 
     def _take_part(self, fields: Fields) -> None:
         name = self._next_name(fields.type)
-        self.named[name] = (fields.number, fields.type)
+        self.objects[name] = (fields.number, fields.type)
         self.parts += READERS[fields.type](fields, name, self.scene_settings)
 
     def _take_source(self, fields: Fields) -> None:
@@ -326,41 +329,41 @@ class _Scene:
 
     def _take_detector(self, fields: Fields) -> None:
         """Add a detector: a monitor for its complete bins, and another for the remainder of its line."""
-        segment, mapped, size = line(fields), fields.flag("irradMap"), fields.number_of("binSize", 1.0)
+        segment, has_bins, size = read_segment(fields), fields.flag("irradMap"), fields.number_of("binSize", 1.0)
         name = self._detector_name(fields)
-        if not mapped:
+        if not has_bins:
             self.detectors.append(Detector(name, (Monitor(name, segment.a, segment.b),)))
             return
         if not size > 0.0 or segment.length_mm / size > 1e6:
-            raise UnreadError("binSize", f"must be above 0 and give at most a million bins, not {size:g}")
-        bins, whole = math.ceil(segment.length_mm / size), math.floor(segment.length_mm / size)
-        share = whole * size / segment.length_mm
+            raise UnreadableError("binSize", f"must be above 0 and give at most a million bins, not {size:g}")
+        bins, complete = math.ceil(segment.length_mm / size), math.floor(segment.length_mm / size)
+        fraction = complete * size / segment.length_mm
         end = cast(
             "tuple[float, float]",
-            tuple((1.0 - share) * a + share * b for a, b in zip(segment.a, segment.b, strict=True)),
+            tuple((1.0 - fraction) * a + fraction * b for a, b in zip(segment.a, segment.b, strict=True)),
         )
-        monitors = [Monitor(name, segment.a, end if bins > whole else segment.b, whole)] if whole else []
-        if bins > whole and end != segment.b:
-            monitors.append(Monitor(f"{name} rest" if whole else name, end, segment.b))
+        monitors = [Monitor(name, segment.a, end if bins > complete else segment.b, complete)] if complete else []
+        if bins > complete and end != segment.b:
+            monitors.append(Monitor(f"{name} rest" if complete else name, end, segment.b))
         self.detectors.append(Detector(name, tuple(monitors), bins, size))
 
     def _detector_name(self, fields: Fields) -> str:
-        """Return the detector's own name, or a numbered name if it has none or the name is taken."""
-        number, taken = self._next_name("Detector"), {detector.name for detector in self.detectors}
-        name = fields.data.get("name")
-        return name if isinstance(name, str) and name and name not in taken else number
+        """Return the name of a detector in the file, or a numbered name if it has none or the name is not unique."""
+        numbered, name = self._next_name("Detector"), fields.data.get("name")
+        is_unique = all(detector.name != name for detector in self.detectors)
+        return name if isinstance(name, str) and name and is_unique else numbered
 
 
 def _span(objects: list[Any]) -> float:
     """Return the difference between the largest and the smallest coordinate in the file."""
     values: list[float] = []
-    waiting: list[Any] = [objects]
-    while waiting:
-        item = waiting.pop()
+    stack: list[Any] = [objects]
+    while stack:
+        item = stack.pop()
         if isinstance(item, dict):
-            waiting += item.values()
+            stack += item.values()
             numbers = (number_in(item.get(key)) for key in ("x", "y"))
             values += [x for x in numbers if x is not None and abs(x) <= MAX_NUMBER]
         elif isinstance(item, list):
-            waiting += item
+            stack += item
     return max(values) - min(values) if values else 0.0

@@ -2,8 +2,8 @@
 
 Positions on a curve are its parameters from 0 to 1, as in `Curve.points`. Crossings of a straight line with any curve
 and of two circles are computed from their equations. Crossings of cubics with arcs or with one another start from
-crossings of fine polylines and are refined by Newton's method. Two curves that overlap have no crossings; `place_of`
-locates their common ends.
+crossings of fine polylines and are refined by Newton's method. Two curves that overlap have no crossings;
+`parameter_of` locates the ends of their overlap.
 """
 
 import math
@@ -18,7 +18,7 @@ from solen.plane import Point, along, cross, dot, minus, unit
 from solen.scene.overlaps import chords_meet
 from solen.scene.rayoptics.facets import Facets
 
-Place = tuple[float, float]
+Parameters = tuple[float, float]
 """Parameters of a common point on the first and on the second curve."""
 
 SAMPLES_PER_CUBIC = 48
@@ -43,36 +43,36 @@ def _at_joint(u: float, cubics: int) -> float:
     return joint / cubics if abs(u * cubics - joint) < SLIVER else u
 
 
-def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
+def parameter_of(curve: Curve, point: Point, tolerance: float) -> float | None:
     """Return the parameter of a point on a curve, or None if the curve is further from the point than the tolerance."""
     if isinstance(curve, Segment):
         u = dot(minus(point, curve.a), unit(minus(curve.b, curve.a))) / curve.length_mm
     elif isinstance(curve, Arc):
-        u = _place_on_arc(curve, point)
+        u = _parameter_on_arc(curve, point)
     elif isinstance(curve, Facets):
-        u = curve.place(point)
+        u = curve.parameter_of(point)
     else:
         u = _nearest(curve, point, tolerance)
     u = min(max(u, 0.0), 1.0)
     return u if math.dist(curve.point_at(u), point) <= tolerance else None
 
 
-def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
+def crossings(a: Curve, b: Curve, tolerance: float) -> list[Parameters]:
     """Return the parameter pairs at which two curves cross or touch, excluding overlaps."""
     if isinstance(a, Segment):
         return _on_line(a, b, tolerance)
     if isinstance(b, Segment):
         return [(v, u) for u, v in _on_line(b, a, tolerance)]
     if isinstance(a, Arc) and isinstance(b, Arc):
-        return _both(a, b, _of_circles(a, b), tolerance)
+        return _parameters_on_both(a, b, _of_circles(a, b), tolerance)
     return _refined(a, b, tolerance)
 
 
 def turning_deg(curve: Curve) -> float:
     """Return the approximate total turning angle of a curve; below 180 degrees, a curve cannot intersect itself."""
     steps = np.diff(curve.points(samples(curve)), axis=0)
-    here, there = steps[:-1], steps[1:]
-    turns = np.arctan2(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0], (here * there).sum(axis=1))
+    before, after = steps[:-1], steps[1:]
+    turns = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
     return float(np.degrees(np.abs(turns).sum()))
 
 
@@ -91,23 +91,23 @@ def samples(curve: Curve) -> FloatArray:
     return np.linspace(0.0, 1.0, SAMPLES_PER_ARC + 1)
 
 
-def _place_on_arc(arc: Arc, point: Point) -> float:
-    turn = math.degrees(math.atan2(point[1] - arc.center[1], point[0] - arc.center[0])) - arc.start_deg
-    turn = turn % 360.0 if arc.sweep_deg > 0 else -(-turn % 360.0)
-    u = turn / arc.sweep_deg
-    beyond = 360.0 / abs(arc.sweep_deg)
-    return u if u <= 0.5 * (1.0 + beyond) else u - beyond  # just before the start instead of far beyond the end
+def _parameter_on_arc(arc: Arc, point: Point) -> float:
+    turn_deg = math.degrees(math.atan2(point[1] - arc.center[1], point[0] - arc.center[0])) - arc.start_deg
+    turn_deg = turn_deg % 360.0 if arc.sweep_deg > 0 else -(-turn_deg % 360.0)
+    u = turn_deg / arc.sweep_deg
+    period = 360.0 / abs(arc.sweep_deg)
+    return u if u <= 0.5 * (1.0 + period) else u - period  # slightly before the start, not far beyond the end
 
 
 def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
     """Return the parameter of the point on a curve nearest to another point, by bisection from the nearest samples."""
     u = samples(curve)
     points = curve.points(u)
-    away = np.hypot(*(points - np.array(point)).T)
+    distance = np.hypot(*(points - np.array(point)).T)
     best = (math.inf, 0.0)
     longest = float(np.hypot(*np.diff(points, axis=0).T).max())
-    around = np.concatenate([[math.inf], away, [math.inf]])
-    lowest = (away <= around[:-2]) & (away <= around[2:]) & (away <= longest + tolerance)
+    around = np.concatenate([[math.inf], distance, [math.inf]])
+    lowest = (distance <= around[:-2]) & (distance <= around[2:]) & (distance <= longest + tolerance)
     for i in np.flatnonzero(lowest).tolist():
         low, high = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         for _ in range(STEPS):
@@ -119,47 +119,49 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
     return best[1]
 
 
-def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Place]:
-    """Return crossings of a curve with a straight line, which is treated as a ray from well before its start."""
+def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Parameters]:
+    """Return crossings of a curve with a segment, which is extended backwards to a ray from well before its start."""
     direction = unit(minus(line.b, line.a))
     if isinstance(other, Segment) and abs(cross(direction, unit(minus(other.b, other.a)))) < 1e-12:
         return []
     back = 0.1 * line.length_mm + 1.0
     origin = along(line.a, direction, -back)
     points = [along(line.a, direction, t - back) for t in other.hits(origin, direction)]
-    return _both(line, other, points, tolerance)
+    return _parameters_on_both(line, other, points, tolerance)
 
 
 def _of_circles(a: Arc, b: Arc) -> list[Point]:
-    apart = math.dist(a.center, b.center)
-    if apart <= 1e-9 * (a.radius_mm + b.radius_mm):
+    distance = math.dist(a.center, b.center)
+    if distance <= 1e-9 * (a.radius_mm + b.radius_mm):
         return []
-    ahead = 0.5 * (apart + (a.radius_mm - b.radius_mm) * (a.radius_mm + b.radius_mm) / apart)
-    square = (a.radius_mm - ahead) * (a.radius_mm + ahead)
+    along_axis = 0.5 * (distance + (a.radius_mm - b.radius_mm) * (a.radius_mm + b.radius_mm) / distance)
+    square = (a.radius_mm - along_axis) * (a.radius_mm + along_axis)
     if square < 0.0:
         return []
     direction = unit(minus(b.center, a.center))
-    foot, aside = along(a.center, direction, ahead), math.sqrt(square)
-    return [along(foot, (-direction[1], direction[0]), way * aside) for way in (1.0, -1.0)]
+    foot, height = along(a.center, direction, along_axis), math.sqrt(square)
+    return [along(foot, (-direction[1], direction[0]), side * height) for side in (1.0, -1.0)]
 
 
-def _both(a: Curve, b: Curve, points: Iterable[Point], tolerance: float) -> list[Place]:
-    both = [(place_of(a, point, tolerance), place_of(b, point, tolerance)) for point in points]
-    return [(u, v) for u, v in both if u is not None and v is not None]
+def _parameters_on_both(a: Curve, b: Curve, points: Iterable[Point], tolerance: float) -> list[Parameters]:
+    parameters = [(parameter_of(a, point, tolerance), parameter_of(b, point, tolerance)) for point in points]
+    return [(u, v) for u, v in parameters if u is not None and v is not None]
 
 
-def _refined(a: Curve, b: Curve, tolerance: float) -> list[Place]:
-    places: list[Place] = []
-    for u, v in _of_polylines(a, b):
-        place = _newton(a, b, u, v)
-        near = math.dist(a.point_at(place[0]), b.point_at(place[1])) <= tolerance
-        if near and all(math.dist(a.point_at(place[0]), a.point_at(other[0])) > tolerance for other in places):
-            places.append(place)
-    return places
+def _refined(a: Curve, b: Curve, tolerance: float) -> list[Parameters]:
+    distinct: list[Parameters] = []
+    for start in _of_polylines(a, b):
+        u, v = _newton(a, b, *start)
+        point = a.point_at(u)
+        if math.dist(point, b.point_at(v)) > tolerance:
+            continue
+        if all(math.dist(point, a.point_at(other)) > tolerance for other, _ in distinct):
+            distinct.append((u, v))
+    return distinct
 
 
-def _of_polylines(a: Curve, b: Curve) -> list[Place]:
-    """Yield parameter pairs at which fine polylines along two curves cross."""
+def _of_polylines(a: Curve, b: Curve) -> list[Parameters]:
+    """Return the parameter pairs at which fine polylines along two curves cross."""
     u, v = samples(a), samples(b)
     p, q = a.points(u), b.points(v)
     low, high = np.maximum(p.min(axis=0), q.min(axis=0)), np.minimum(p.max(axis=0), q.max(axis=0))
@@ -171,7 +173,7 @@ def _of_polylines(a: Curve, b: Curve) -> list[Place]:
     return [(float(x), float(y)) for x, y in pairs]
 
 
-def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
+def _newton(a: Curve, b: Curve, u: float, v: float) -> Parameters:
     for _ in range(STEPS):
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
         gap = minus(b.point_at(v), a.point_at(u))

@@ -1,8 +1,8 @@
 """Modules: objects defined once with formulas in backticks, and expanded for each use, in loops and under conditions.
 
 A module has points, which its formulas call x_1, y_1, x_2 and so on; parameters; and its own variables and functions. A
-text that consists of one formula in single backticks stands for the value of the formula; in double backticks, it
-remains a formula, with the values of the module inserted. Nothing is executed: all formulas are parsed by
+string that consists of one formula in single backticks is replaced by the value of the formula; in double backticks, it
+remains a formula, in which the names have their values in the module. Nothing is executed: all formulas are parsed by
 `solen.scene.rayoptics.formula`.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 from solen.errors import DataError
 from solen.scene.rayoptics.formula import Function, Values, number_in, parse
 
-MAX_TIMES = 1000
-"""Default limit on the number of rounds of a loop; the module itself may set a limit up to a hundred times higher."""
+MAX_ITERATIONS = 1000
+"""Default limit on the number of iterations of a loop; a module may set a limit up to a hundred times higher."""
 MAX_NUMBER = 1e300
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
@@ -24,7 +24,7 @@ VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Scope:
-    """Values and functions by name."""
+    """Values and functions, keyed by name."""
 
     values: Values = field(default_factory=dict)
     functions: Mapping[str, Function] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Scope:
         """Return a scope with further values, which override existing values of the same name."""
         return replace(self, values={**self.values, **values})
 
-    def defined(self, text: str) -> "Scope":
+    def with_definition(self, text: str) -> "Scope":
         """Return a scope with one more definition: a variable, or a function of variables."""
         if function := FUNCTION.match(text):
             name, names, body = function.groups()
@@ -59,14 +59,14 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula in the specified variables, with the definitions of all other names that it contains."""
+    """A formula in some variables, with the definitions of all other names that it contains."""
 
     text: str
     variables: tuple[str, ...]
     scope: Scope = field(default_factory=Scope)
 
-    def of(self, variable: str) -> "Expression":
-        """Return the expression as a formula of one variable."""
+    def in_variable(self, variable: str) -> "Expression":
+        """Return the expression as a formula in one variable."""
         return replace(self, variables=(variable,))
 
     def compiled(self) -> Function:
@@ -80,8 +80,8 @@ class Expression:
         return call
 
 
-def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
-    """Return the objects produced by one use of a module.
+def expanded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
+    """Return the objects that one use of a module expands to.
 
     Raises
     ------
@@ -91,11 +91,11 @@ def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> lis
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")
     scope = _scope(definition, _items("points", points), parameters)
-    limit = definition.get("maxLoopLength", MAX_TIMES)
-    if not isinstance(limit, int) or not 1 <= limit <= 100 * MAX_TIMES:
-        raise DataError("maxLoopLength", value=limit, limit=f"must be an integer from 1 to {100 * MAX_TIMES}")
+    limit = definition.get("maxLoopLength", MAX_ITERATIONS)
+    if not isinstance(limit, int) or not 1 <= limit <= 100 * MAX_ITERATIONS:
+        raise DataError("maxLoopLength", value=limit, limit=f"must be an integer from 1 to {100 * MAX_ITERATIONS}")
     objects = _items("objs", definition.get("objs", []))
-    return [item for item in _list(objects, scope, limit) if isinstance(item, dict)]
+    return [item for item in _expanded_list(objects, scope, limit) if isinstance(item, dict)]
 
 
 def _items(what: str, value: Any) -> list[Any]:
@@ -116,7 +116,7 @@ def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping
         values |= {f"{axis}_{i}": _number(f"points[{i - 1}].{axis}", point.get(axis)) for axis in ("x", "y")}
     scope = Scope(values)
     for text in _items("vars", definition.get("vars", [])):
-        scope = scope.defined(str(text))
+        scope = scope.with_definition(str(text))
     return scope
 
 
@@ -139,19 +139,20 @@ def _range(text: Any, scope: Scope) -> tuple[str, float, float, float, float]:
     return name.strip(), start, step, end, scope.number(parts[3]) if len(parts) == 4 else start
 
 
-def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
-    found: list[Any] = []
+def _expanded_list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
+    expanded_items: list[Any] = []
     for item in items:
         if not isinstance(item, dict):
-            found.append(_any(item, scope, limit))
+            expanded_items.append(_expanded(item, scope, limit))
             continue
-        kept = {key: value for key, value in item.items() if key not in ("for", "if")}
-        rounds = _rounds(item.get("for", []), scope, limit)
-        found += [_any(kept, turn, limit) for turn in rounds if "if" not in item or turn.number(str(item["if"]))]
-    return found
+        template = {key: value for key, value in item.items() if key not in ("for", "if")}
+        iterations = _iterations(item.get("for", []), scope, limit)
+        included = (inner for inner in iterations if "if" not in item or inner.number(str(item["if"])))
+        expanded_items += [_expanded(template, inner, limit) for inner in included]
+    return expanded_items
 
 
-def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
+def _iterations(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
     """Yield the scope for each combination of loop values."""
     ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else _items("for", loops))]
     series = [_series(start, step, end, limit, name) for name, start, step, end, _ in ranges]
@@ -159,15 +160,15 @@ def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
     for values in series:
         total *= len(values)
     if total > limit:
-        raise DataError("for", value=f"{total} rounds", limit=f"must be at most {limit} (maxLoopLength)")
-    for chosen in itertools.product(*series):
-        yield scope.with_values(dict(zip((loop[0] for loop in ranges), chosen, strict=True)))
+        raise DataError("for", value=f"{total} iterations", limit=f"must be at most {limit} (maxLoopLength)")
+    for combination in itertools.product(*series):
+        yield scope.with_values(dict(zip((loop[0] for loop in ranges), combination, strict=True)))
 
 
 def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:
-    """Yield values from the start up to the end; each is the previous value plus the step."""
+    """Return the values from the start up to the end; each is the previous value plus the step."""
     if step == 0.0 or (end - start) * step < 0.0 or (end - start) / step + 1.0 > limit:
-        raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} rounds")
+        raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} iterations")
     values, value = [], start
     while value <= end:  # as in ray-optics: a descending range yields at most its start
         values.append(value)
@@ -175,23 +176,24 @@ def _series(start: float, step: float, end: float, limit: int, name: str) -> lis
     return values
 
 
-def _any(value: Any, scope: Scope, limit: int) -> Any:
+def _expanded(value: Any, scope: Scope, limit: int) -> Any:
     if isinstance(value, str):
-        return _text(value, scope)
+        return _expanded_string(value, scope)
     if isinstance(value, list):
-        return _list(value, scope, limit)
+        return _expanded_list(value, scope, limit)
     if isinstance(value, dict):
-        return {key: _any(item, scope, limit) for key, item in value.items()}
+        return {key: _expanded(item, scope, limit) for key, item in value.items()}
     return value
 
 
-def _text(text: str, scope: Scope) -> Any:
-    """Evaluate a text with formulas: to a number, a formula, or a text that contains numbers."""
+def _expanded_string(text: str, scope: Scope) -> Any:
+    """Expand a string: to a number or a formula if it consists of one, otherwise with the values of its formulas."""
     if text.startswith("``") and text.endswith("``") and len(text) > 4 and "`" not in text[2:-2]:
         return Expression(text[2:-2], (), scope)
     parts = text.split("`")
     if len(parts) == 3 and not parts[0] and not parts[2]:
         return scope.number(parts[1])
     if "" in parts[1:-1:2] or len(parts) % 2 == 0:
-        raise DataError(f"text {text!r}", limit="combines a formula to be kept with text, or does not close a backtick")
+        limit = "must consist of one formula in double backticks, or enclose each formula in single backticks"
+        raise DataError(f"string {text!r}", limit=limit)
     return "".join(f"{scope.number(part):.17g}" if i % 2 else part for i, part in enumerate(parts))

@@ -10,17 +10,17 @@ from solen.curve import Arc, Bezier, Curve, Segment
 from solen.errors import DesignError
 from solen.plane import Point, along, cross, dot, left_of, minus, unit
 from solen.scene.rayoptics.facets import Blend, Facets, along_parameter, over_line, sampled
-from solen.scene.rayoptics.fields import Fields, UnreadError, expression, finite, point_of
+from solen.scene.rayoptics.fields import Fields, UnreadableError, expression, finite, point_of
 from solen.scene.rayoptics.formula import Function
 from solen.scene.rayoptics.formula_curves import At, fitted
 from solen.scene.rayoptics.modules import Expression
 
-FAR = 1e4
+HALF_PLANE_EXTENT = 1e4
 """Half the length of the edge of a half-plane, in units of the scene size."""
 HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
 CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
 CHECKED, ROUNDING = 200, 1e-9
-"""Number of points at which two curves of a glass are compared, and the tolerance relative to the glass length."""
+"""Number of intervals at whose ends two curves of a glass are compared, and the tolerance relative to its length."""
 SKIN = 1e-6
 """Distance from a surface, in length scales of the file, within which a ray that leaves the surface does not meet it
 again.
@@ -42,16 +42,16 @@ class SceneSettings:
     facets: bool
 
 
-def straight(fields: Fields, _: SceneSettings) -> list[Curve]:
-    """Return a straight line."""
-    return [line(fields)]
+def segment(fields: Fields, _: SceneSettings) -> list[Curve]:
+    """Return the segment from p1 to p2."""
+    return [read_segment(fields)]
 
 
-def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
-    """Return the straight line between two points of the object."""
+def read_segment(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
+    """Read the segment between two points of the object."""
     a, b = fields.point(first), fields.point(second)
     if a == b:
-        raise UnreadError(second, "is the same point as " + first)
+        raise UnreadableError(second, "is the same point as " + first)
     return Segment(a, b)
 
 
@@ -86,21 +86,21 @@ def path(items: list[dict[str, Any]]) -> list[Curve]:
         elif points[i] != points[j]:
             curves.append(Segment(points[i], points[j]))
     if len(curves) < 2:
-        raise UnreadError("path", "encloses nothing")
+        raise UnreadableError("path", "encloses nothing")
     return curves
 
 
 def circle(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return a circle from its centre and a point on it."""
-    spoke = line(fields)
-    return [Arc.circle(spoke.a, spoke.length_mm)]
+    radius = read_segment(fields)
+    return [Arc.circle(radius.a, radius.length_mm)]
 
 
 def half_plane(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the edge of a half-plane."""
-    edge = line(fields)
-    direction, far = unit(minus(edge.b, edge.a)), FAR * max(settings.span, 1.0)
-    return [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))]
+    edge = read_segment(fields)
+    direction, extent = unit(minus(edge.b, edge.a)), HALF_PLANE_EXTENT * max(settings.span, 1.0)
+    return [Segment(along(edge.a, direction, -extent), along(edge.a, direction, extent))]
 
 
 def smooth_outline(fields: Fields, _: SceneSettings) -> list[Curve]:
@@ -116,32 +116,34 @@ def _beziers(fields: Fields, closed: bool) -> list[Curve]:
     rows = [[point_of(f"points[{i}].{key}", item.get(key)) for key in keys] for i, item in enumerate(items)]
     pairs = list(pairwise([*rows, rows[0]] if closed and rows else rows))
     if not pairs:
-        raise UnreadError("points", "must contain at least two points")
-    return [_bezier(here[0], here[1], here[2], there[0]) for here, there in pairs]
+        raise UnreadableError("points", "must contain at least two points")
+    return [_bezier(a, control_a, control_b, following[0]) for (a, control_a, control_b), following in pairs]
 
 
 def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
-    off = max(abs(cross(minus(b, a), minus(handle, a))) for handle in (control_a, control_b))
-    if off == 0.0 and a != b:
+    deviation = max(abs(cross(minus(b, a), minus(handle, a))) for handle in (control_a, control_b))
+    if deviation == 0.0 and a != b:
         return Segment(a, b)
     return Bezier(a, control_a, control_b, b)
 
 
 def between_formulas(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the outline between two curves over a line; the formulas are evaluated from −1 to 1 along the line."""
-    base = line(fields)
+    base = read_segment(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
     _check_above(base, lower, upper)
     if settings.facets:
-        places = over_line(base.length_mm, settings.length_scale)
-        back = [upper(base.length_mm - place) for place in places]
-        corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        whole = _facets(corners, (len(places),), "lengths", settings)
+        positions = over_line(base.length_mm, settings.length_scale)
+        back = [upper(base.length_mm - position) for position in positions]
+        corners = [base.a, *sampled(lower, positions, "eqn1"), *back, base.a]
+        polyline = _facets(corners, (len(positions),), "lengths", settings)
         low, high = _without_spike(_height(base, corners[1]), _height(base, corners[-2]))
-        return [replace(whole[0], low=low), replace(whole[1], high=len(corners) - 1.0 - high)]
-    there, back_again = (fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2")))
-    return closed_outline([there, reversed_curves(back_again)])
+        return [replace(polyline[0], low=low), replace(polyline[1], high=len(corners) - 1.0 - high)]
+    lower_curves, upper_curves = (
+        fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2"))
+    )
+    return closed_outline([lower_curves, reversed_curves(upper_curves)])
 
 
 def _height(base: Segment, point: Point) -> float:
@@ -151,9 +153,9 @@ def _height(base: Segment, point: Point) -> float:
 def _check_above(base: Segment, lower: At, upper: At) -> None:
     """Reject an upper curve that lies below the lower one, as ray-optics does."""
     for i in range(CHECKED + 1):
-        place = base.length_mm * i / CHECKED
-        if _height(base, upper(place)) < _height(base, lower(place)) - ROUNDING * base.length_mm:
-            raise UnreadError("eqn2", f"lies below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
+        position = base.length_mm * i / CHECKED
+        if _height(base, upper(position)) < _height(base, lower(position)) - ROUNDING * base.length_mm:
+            raise UnreadableError("eqn2", f"lies below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
 
 
 def _without_spike(first: float, last: float) -> tuple[float, float]:
@@ -174,26 +176,27 @@ def _over(base: Segment, formula: Expression) -> At:
     """
     half, direction, height = 0.5 * base.length_mm, unit(minus(base.b, base.a)), formula.compiled()
 
-    def at(place: float) -> Point:
-        x = 1.0 if place == base.length_mm else 2.0 * (place - half) / base.length_mm
-        return along(along(base.a, direction, place), left_of(direction), half * height(x))
+    def at(position: float) -> Point:
+        x = 1.0 if position == base.length_mm else 2.0 * (position - half) / base.length_mm
+        return along(along(base.a, direction, position), left_of(direction), half * height(x))
 
     return at
 
 
 def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, settings: SceneSettings) -> list[Facets]:
     """Return a polyline through corners, divided at the joints, which may be corners of the outline."""
-    whole = Facets.through(tuple(corners), blend, SKIN * settings.length_scale)
-    return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
+    polyline = Facets.through(tuple(corners), blend, SKIN * settings.length_scale)
+    return [replace(polyline, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
 
 
 def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
     """Join the parts of an outline with straight lines wherever a part does not end at the start of the next."""
     curves: list[Curve] = []
-    for here, there in pairwise([*parts, parts[0]]):
-        curves += here
-        if math.dist(here[-1].end, there[0].start) > 1e-9 * max(1.0, *map(abs, here[-1].end)):
-            curves.append(Segment(here[-1].end, there[0].start))
+    for part, following in pairwise([*parts, parts[0]]):
+        curves += part
+        end, start = part[-1].end, following[0].start
+        if math.dist(end, start) > 1e-9 * max(1.0, *map(abs, end)):
+            curves.append(Segment(end, start))
     return curves
 
 
@@ -219,7 +222,7 @@ def _parametric(fields: Fields, settings: SceneSettings) -> list[list[Curve]]:
         x, y = (expression(f"{what}.{key}", piece.get(key), "t").compiled() for key in ("eqnX", "eqnY"))
         low, high, step = (finite(f"{what}.{key}", piece.get(key)) for key in ("tMin", "tMax", "tStep"))
         if not low < high:
-            raise UnreadError(f"{what}.tMax", f"must be above tMin: {low:g} to {high:g}")
+            raise UnreadableError(f"{what}.tMax", f"must be above tMin: {low:g} to {high:g}")
 
         def at(t: float, x: Function = x, y: Function = y) -> Point:
             return (x0 + x(t), z0 - y(t))
@@ -232,7 +235,7 @@ def _parametric(fields: Fields, settings: SceneSettings) -> list[list[Curve]]:
     if settings.facets and corners:
         return [[*_facets(_closed(corners), joints, "units", settings)]]
     if not parts:
-        raise UnreadError("pieces", "must be at least one segment")
+        raise UnreadableError("pieces", "must contain at least one piece")
     return parts
 
 
@@ -243,25 +246,25 @@ def _closed(corners: list[Point]) -> list[Point]:
 
 def _check_finished(fields: Fields) -> None:
     if fields.flag("notDone"):
-        raise UnreadError("notDone", "the drawing of the object was not finished")
+        raise UnreadableError("notDone", "the drawing of the object was not finished")
 
 
 def aperture(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return both sides of an aperture."""
-    return [line(fields, "p1", "p3"), line(fields, "p4", "p2")]
+    return [read_segment(fields, "p1", "p3"), read_segment(fields, "p4", "p2")]
 
 
 def arc(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return an arc through three points."""
     curves = arc_or_line(fields.point("p1"), fields.point("p3"), fields.point("p2"))
     if not curves:
-        raise UnreadError("p2", "is the same point as p1")
+        raise UnreadableError("p2", "is the same point as p1")
     return curves
 
 
 def parabola(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return a parabola over a line, with its vertex at the height of the third point."""
-    base, top = line(fields), fields.point("p3")
+    base, top = read_segment(fields), fields.point("p3")
     direction = unit(minus(base.b, base.a))
     height = dot(minus(top, base.a), left_of(direction))
     if abs(height) <= 1e-12 * base.length_mm:
@@ -269,14 +272,14 @@ def parabola(fields: Fields, _: SceneSettings) -> list[Curve]:
     handles = (along(end, left_of(direction), 4.0 / 3.0 * height) for end in (base.a, base.b))
     third = base.length_mm / 3.0
     control_a, control_b = (
-        along(handle, direction, way * third) for handle, way in zip(handles, (1.0, -1.0), strict=True)
+        along(handle, direction, sign * third) for handle, sign in zip(handles, (1.0, -1.0), strict=True)
     )
     return [Bezier(base.a, control_a, control_b, base.b)]
 
 
 def over_line_curves(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the curve of a formula over a line."""
-    base = line(fields)
+    base = read_segment(fields)
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if settings.facets:
         return [*_facets(sampled(at, over_line(base.length_mm, settings.length_scale), "eqn"), (), "images", settings)]

@@ -1,6 +1,7 @@
-"""Random numbers of ray-optics for a seed, from the seedrandom generator: RC4 with its first 256 bytes dropped.
+"""The random numbers of ray-optics for a seed: the seedrandom generator, which is RC4 without its first 256 bytes.
 
-They give a random beam the same rays in both programs. Each number has 52 random bits, as in David Bau's seedrandom 3.
+With them, a random beam has the same rays in both programs. Each number has 52 random bits, as in David Bau's
+seedrandom 3.
 """
 
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ SIGNIFICANCE = 2.0**52
 OVERFLOW = 2.0**53
 
 
-def drawn(seed: str) -> Iterator[float]:
+def random_numbers(seed: str) -> Iterator[float]:
     """Yield an unlimited sequence of numbers in [0, 1)."""
     stream = _bytes(_key(seed))
     for _ in range(WIDTH):
@@ -33,11 +34,11 @@ def _key(seed: str) -> list[int]:
     key: list[int] = []
     smear = 0
     for j, letter in enumerate(seed):
-        place = j & MASK
-        smear ^= (key[place] if place < len(key) else 0) * 19
+        index = j & MASK
+        smear ^= (key[index] if index < len(key) else 0) * 19
         value = MASK & (smear + ord(letter))
-        if place < len(key):
-            key[place] = value
+        if index < len(key):
+            key[index] = value
         else:
             key.append(value)
     return key or [0]

@@ -2,9 +2,9 @@
 
 With a density d and a length scale l, a *beam* has a ray every l/d along its line, the first half a step from its
 start; if it diverges, it has a fan of rays at each of these points. A *point source* has a ray every 2π/int(500 d)
-radians, and so has a source that emits into an angle. The brightness of a ray is b/d (for a beam b l/d, divided among
-its fan), but at most 1; if the scene requests correct brightness, d is increased in steps of 1/500 until no ray exceeds
-1. Half of the brightness is in either polarisation.
+radians, as has a source that emits into an angle. The brightness of a ray is b/d (for a beam b l/d, divided among the
+rays of the fan), but at most 1; if the scene requires correct brightnesses, d is increased in steps of 1/500 until no
+ray exceeds 1. Each polarisation carries half of the brightness.
 """
 
 import math
@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from solen.plane import Point, minus
-from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError
-from solen.scene.rayoptics.seedrandom import drawn
+from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadableError
+from solen.scene.rayoptics.seedrandom import random_numbers
 from solen.scene.sources import Rays
 from solen.scene.sources.base import MIN_POWER
 
@@ -22,12 +22,12 @@ MAX_RAYS = 2_000_000
 """Maximum number of rays in a scene, because each ray is listed individually."""
 PER_TURN = 500
 STEP = 1.0 / PER_TURN
-SHORT_OF_END = 1e-5
-"""Angle in rad before the end of a cone within which no ray starts."""
+END_MARGIN_RAD = 1e-5
+"""Angle before the end of a cone within which no ray starts."""
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedRay:
     """One ray: origin, direction and brightness; ``fresh`` if it starts a new sequence of rays."""
 
     origin: Point
@@ -49,10 +49,10 @@ class SourceSettings:
     numbers: Iterator[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.numbers = drawn(self.seed or "")
+        self.numbers = random_numbers(self.seed or "")
 
-    def settled(self, brightest: Callable[[float], float]) -> float:
-        """Return the density; if the scene requests correct brightness, increase it until no ray is brighter than 1."""
+    def density_for(self, brightest: Callable[[float], float]) -> float:
+        """Return the density; if the scene requires correct brightnesses, increase it until no ray exceeds 1."""
         density = self.density
         if self.correct:
             steps = 0
@@ -60,11 +60,11 @@ class SourceSettings:
                 density += STEP
                 steps += 1
                 if steps > MAX_RAYS:
-                    raise UnreadError("brightness", "would require too many rays")
+                    raise UnreadableError("brightness", "would require too many rays")
         return density
 
 
-Emission = Callable[[Fields, SourceSettings], list[Placed]]
+Emission = Callable[[Fields, SourceSettings], list[PlacedRay]]
 
 
 def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
@@ -89,19 +89,19 @@ def _per_turn(density: float) -> int:
     """Return the number of directions in 360 degrees."""
     count = int(min(density * PER_TURN, MAX_RAYS + 1.0))
     if not 0 < count <= MAX_RAYS:
-        raise UnreadError("brightness" if count else None, "the scene's ray density gives it no rays, or too many")
+        raise UnreadableError("brightness" if count else None, f"would have no rays, or more than {MAX_RAYS}")
     return count
 
 
-def _single(fields: Fields, settings: SourceSettings) -> list[Placed]:  # noqa: ARG001  one of several
+def _single_ray(fields: Fields, settings: SourceSettings) -> list[PlacedRay]:  # noqa: ARG001  one of several
     origin, other = fields.point("p1"), fields.point("p2")
     if origin == other:
-        raise UnreadError("p2", "is the same point as p1")
-    return [Placed(origin, minus(other, origin), fields.number_of("brightness", 1.0, least=0.0), fresh=True)]
+        raise UnreadableError("p2", "is the same point as p1")
+    return [PlacedRay(origin, minus(other, origin), fields.number_of("brightness", 1.0, least=0.0), fresh=True)]
 
 
-def _upwards(angle: float) -> Point:
-    """Return the direction for an angle measured from the +y axis of the file, which points down."""
+def _direction(angle: float) -> Point:
+    """Return the direction at an angle from the +y axis of the file, which points down."""
     return (math.sin(angle), -math.cos(angle))
 
 
@@ -113,19 +113,19 @@ def _angles(start: float, end: float, step: float) -> Iterator[float]:
         angle += step
 
 
-def _point(fields: Fields, settings: SourceSettings) -> list[Placed]:
+def _point_source(fields: Fields, settings: SourceSettings) -> list[PlacedRay]:
     """Place rays in all directions from a point."""
     origin = (fields.number_of("x"), -fields.number_of("y"))
     brightness = fields.number_of("brightness", 0.5, least=0.0)
-    density = settings.settled(lambda d: brightness / d)
+    density = settings.density_for(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
     first = -2.0 * step + 1e-6 if settings.observed else 0.0
-    each = min(brightness / density, 1.0)
-    angles = _angles(first, math.tau - SHORT_OF_END, step)
-    return [Placed(origin, _upwards(angle), each, fresh=angle == first) for angle in angles]
+    ray_brightness = min(brightness / density, 1.0)
+    angles = _angles(first, math.tau - END_MARGIN_RAD, step)
+    return [PlacedRay(origin, _direction(angle), ray_brightness, fresh=angle == first) for angle in angles]
 
 
-def _into_angle(fields: Fields, settings: SourceSettings) -> list[Placed]:
+def _angle_source(fields: Fields, settings: SourceSettings) -> list[PlacedRay]:
     """Place rays from a point within an angle, centred on a line or starting from it."""
     origin, aim = fields.point("p1"), fields.point("p2")
     brightness, spread = (
@@ -133,23 +133,23 @@ def _into_angle(fields: Fields, settings: SourceSettings) -> list[Placed]:
         math.radians(fields.number_of("emisAngle", 36.001)),
     )
     symmetric = fields.flag("symmetric", True)
-    density = settings.settled(lambda d: brightness / d)
+    density = settings.density_for(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
     first = -2.0 * step + 1e-6 if settings.observed else 0.0
     start, end = (first - spread / 2.0, first + spread / 2.0) if symmetric else (first, first + spread)
     middle = math.atan2(origin[1] - aim[1], aim[0] - origin[0])
-    each = min(brightness / density, 1.0)
+    ray_brightness = min(brightness / density, 1.0)
     return [
-        Placed(origin, (math.cos(angle + middle), -math.sin(angle + middle)), each, fresh=angle == first)
-        for angle in _angles(start, end - SHORT_OF_END, step)
+        PlacedRay(origin, (math.cos(angle + middle), -math.sin(angle + middle)), ray_brightness, fresh=angle == first)
+        for angle in _angles(start, end - END_MARGIN_RAD, step)
     ]
 
 
-def _beam(fields: Fields, settings: SourceSettings) -> list[Placed]:
+def _beam(fields: Fields, settings: SourceSettings) -> list[PlacedRay]:
     """Place parallel rays from a line, a fan at each of its points, or random points and angles."""
     a, b = fields.point("p1"), fields.point("p2")
     if a == b:
-        raise UnreadError("p2", "is the same point as p1")
+        raise UnreadableError("p2", "is the same point as p1")
     brightness, half = (
         fields.number_of("brightness", 0.5, least=0.0),
         math.radians(fields.number_of("emisAngle", 0.0)) / 2.0,
@@ -160,30 +160,32 @@ def _beam(fields: Fields, settings: SourceSettings) -> list[Placed]:
     def fan(density: float) -> float:
         return 1.0 + 2.0 * math.floor(half / (math.tau / _per_turn(density)))
 
-    density = settings.settled(lambda d: brightness * scale / d / fan(d))
+    density = settings.density_for(lambda d: brightness * scale / d / fan(d))
     count = math.dist(a, b) * density / scale
     if count * fan(density) > MAX_RAYS:
-        raise UnreadError(None, f"would have more than {MAX_RAYS} rays")
+        raise UnreadableError(None, f"would have more than {MAX_RAYS} rays")
     normal = math.atan2(b[0] - a[0], a[1] - b[1]) + math.pi / 2.0
-    each = min(brightness * scale / density * (1.0 / fan(density)), 1.0)
+    ray_brightness = min(brightness * scale / density * (1.0 / fan(density)), 1.0)
 
-    def placed(share: float, angle: float, fresh: bool = False) -> Placed:
-        origin = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
-        return Placed(origin, _upwards(normal + angle), each * (math.cos(angle) if lambert else 1.0), fresh)
+    def ray_at(position: float, angle: float, fresh: bool = False) -> PlacedRay:
+        origin = (a[0] + position * (b[0] - a[0]), a[1] + position * (b[1] - a[1]))
+        return PlacedRay(
+            origin, _direction(normal + angle), ray_brightness * (math.cos(angle) if lambert else 1.0), fresh
+        )
 
     if random:
         if settings.seed is None:
-            raise UnreadError("random", "the scene has no randomSeed, so its rays differ on each run")
-        pairs = [(next(settings.numbers), next(settings.numbers)) for _ in range(math.ceil(count * fan(density)))]
-        return [placed(u, (2.0 * v - 1.0) * half, fresh=i == 0) for i, (u, v) in enumerate(pairs)]
+            raise UnreadableError("random", "the scene has no randomSeed, so its rays differ on each run")
+        draws = [(next(settings.numbers), next(settings.numbers)) for _ in range(math.ceil(count * fan(density)))]
+        return [ray_at(u, (2.0 * v - 1.0) * half, fresh=i == 0) for i, (u, v) in enumerate(draws)]
     step = math.tau / _per_turn(density)
-    angles = [0.0, *(way * angle for angle in _angles(step, half, step) for way in (1.0, -1.0))]
-    return [placed((k + 0.5) / count, angle) for k in range(math.floor(count + 0.5)) for angle in angles]
+    angles = [0.0, *(sign * angle for angle in _angles(step, half, step) for sign in (1.0, -1.0))]
+    return [ray_at((k + 0.5) / count, angle) for k in range(math.floor(count + 0.5)) for angle in angles]
 
 
 EMISSIONS: dict[str, Emission] = {
-    "SingleRay": _single,
-    "PointSource": _point,
-    "AngleSource": _into_angle,
+    "SingleRay": _single_ray,
+    "PointSource": _point_source,
+    "AngleSource": _angle_source,
     "Beam": _beam,
 }

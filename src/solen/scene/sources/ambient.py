@@ -54,18 +54,18 @@ class Ambient(Source):
         y = self.height_mm * (u[:, 3] - 0.5) if self.height_mm > 0.0 else np.zeros(len(u))
         return x, y, z, *about_axis(theta, phi, *headings(inwards))
 
-    def _on_the_circle(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _on_the_circle(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the points x, z on the circle and the inward directions there, in radians from +z."""
-        outwards = 2.0 * math.pi * place
+        outwards = 2.0 * math.pi * position
         dx, dz = headings(outwards)
         return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, outwards + math.pi
 
     def emission(self) -> Emission:
         """See :meth:`~solen.scene.sources.base.Source.emission`."""
 
-        def at(place: float) -> tuple[float, float, float]:
-            dx, dz = heading(360.0 * place)
-            return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, 360.0 * place + 180.0
+        def at(position: float) -> tuple[float, float, float]:
+            dx, dz = heading(360.0 * position)
+            return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, 360.0 * position + 180.0
 
         half = 0.5 * math.pi
         return Emission(at, LAMBERT.intervals(half), LAMBERT.plane_angle(half), PANELS)

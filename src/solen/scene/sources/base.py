@@ -20,15 +20,16 @@ from solen.scene.sources.pattern import AngleInterval, Pattern
 from solen.scene.sources.points import copies, points
 
 MIN_POWER, MAX_POWER = 1e-12, 1e12
-"""Limits of the power of a source, which even single precision can divide among any number of rays."""
+"""Limits of the power of a source: between them, even single precision can divide it among any number of rays."""
 
 
 class Behind(NamedTuple):
-    """Properties of rays that start behind a face: polarisation, optical path length (N,), and the power already lost.
+    """Properties of rays that start behind a face: polarisation, optical path length (N,) and the power lost before.
 
-    ``cr`` and ``ci`` are the real and imaginary parts of the coherency of the two fields, ``inside`` is the index
-    there. ``leaked``, ``turned_back`` and ``absorbed`` are powers lost before the rays start; ``turned_back`` is
-    included in the ``reflected`` power. ``more`` is the number of additional rays that were split off at the face.
+    ``cr`` and ``ci`` are the real and imaginary parts of the coherency of the two fields, ``inside`` is the refractive
+    index behind the face. ``leaked``, ``turned_back`` and ``absorbed`` are powers lost before the rays start;
+    ``turned_back`` is included in the ``reflected`` power. ``more`` is the number of additional rays that were split
+    off at the face.
     """
 
     cr: FloatArray
@@ -87,7 +88,7 @@ class Emission(NamedTuple):
     """function that maps a position from 0 to 1 to a source point: x and z in mm, and the axis there in degrees"""
     intervals: tuple[AngleInterval, ...]
     """intensity as a function of the angle from the axis, in smooth pieces, the same at all positions"""
-    whole: float
+    integral: float
     """integral of the intensity over all angles, in radians"""
     panels: int
     """initial number of intervals into which the positions are divided; 0 for a single point"""
@@ -98,9 +99,9 @@ class Source(ABC):
     """A source of numbered rays, each of which can be launched individually.
 
     A ray is determined by a point of the unit cube with ``dimensions`` coordinates: an angle, a position, a wavelength.
-    The numbered points fill the cube uniformly; a sample supplies its own points. If ``spectrum`` contains spectral
-    lines, each ray has the wavelength of one line, drawn with probability proportional to its weight. Without a
-    spectrum the wavelength is unknown, which suffices if no index depends on it.
+    The numbered points fill the cube uniformly; a random sample supplies its own points. If ``spectrum`` contains
+    spectral lines, each ray has the wavelength of one line, drawn with probability proportional to its weight. Without
+    a spectrum the wavelength is unknown, which suffices if no index depends on it.
 
     Directions are those in the medium that contains the source.
     """
@@ -157,7 +158,7 @@ class Source(ABC):
             _check_line(line)
 
     def with_rays(self, rays: int) -> Self:
-        """Return the source with this many rays; a list of rays is returned unchanged."""
+        """Return the source with this number of rays; a list of rays is returned unchanged."""
         return replace(self, rays=rays)  # type: ignore[call-arg]  # every source is a dataclass with rays
 
     def with_spectrum(self, spectrum: tuple[Line, ...]) -> Self:
@@ -165,7 +166,7 @@ class Source(ABC):
         return replace(self, spectrum=spectrum)
 
     def copies(self, in_space: bool = False) -> int:
-        """Number of independent copies to which successive rays are assigned in turn; 1 for a single lattice."""
+        """Number of independent point sets to which successive rays belong in turn; 1 for a single lattice."""
         return copies(self.dimensions(in_space))
 
     def even_points(self, number: FloatArray, in_space: bool = False) -> FloatArray:
@@ -179,19 +180,19 @@ class Source(ABC):
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
         """Return the rays at points (N, dimensions), each with the power of the source divided by ``rays``."""
-        each = np.full(len(u), self.power / rays)
+        ray_power = np.full(len(u), self.power / rays)
         y, dy = None, None
         if in_space:
             x, y, z, dx, dy, dz = self.place_in_space(u)
         else:
             x, z, dx, dz = self.place(u)
-        return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share), self.lines(u), y, dy)
+        return Launch(x, z, dx, dz, ray_power * self.s_share, ray_power * (1.0 - self.s_share), self.lines(u), y, dy)
 
     def lines(self, u: FloatArray) -> IntArray:
         """Return the index of the spectral line for each ray at points ``u``, selected by the last coordinate."""
         if len(self.spectrum) < 2:
             return np.zeros(len(u), dtype=np.int64)
-        return drawn_by([weight for _, weight in self.spectrum], u[:, -1])
+        return weighted_indices([weight for _, weight in self.spectrum], u[:, -1])
 
 
 class LineSource(Source):
@@ -212,10 +213,10 @@ class LineSource(Source):
     def angles(self, u: FloatArray) -> FloatArray:
         """Return directions (N,) in radians from +z for cumulative power fractions ``u`` (N,)."""
 
-    def across(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def across(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return points x, z (N,) at positions (N,) from 0 at the right end of the line to 1 at its left end."""
         left_x, left_z = heading(self.axis_deg + 90.0)
-        step = self.width_mm * (place - 0.5)
+        step = self.width_mm * (position - 0.5)
         return self.point[0] + left_x * step, self.point[1] + left_z * step
 
     def place(self, u: FloatArray) -> Placed:
@@ -227,8 +228,8 @@ class LineSource(Source):
     def emission(self) -> Emission:
         """See :meth:`Source.emission`."""
 
-        def at(place: float) -> tuple[float, float, float]:
-            x, z = self.across(np.array([place]))
+        def at(position: float) -> tuple[float, float, float]:
+            x, z = self.across(np.array([position]))
             return float(x[0]), float(z[0]), self.axis_deg
 
         intervals = self.pattern.intervals(self.half_rad)
@@ -253,16 +254,16 @@ def headings(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def about_axis(theta: FloatArray, phi: FloatArray, dx: FloatArray | float, dz: FloatArray | float) -> Directions:
     """Return unit directions x, y, z (N,) at a polar angle from the axis (x, z) and an azimuth around it."""
-    right, along = headings(theta)
-    down, aside = headings(phi)
-    left, up = -right * aside, right * down
-    return dx * along - dz * left, up, dz * along + dx * left
+    minus_sin_theta, cos_theta = headings(theta)
+    minus_sin_phi, cos_phi = headings(phi)
+    left, up = -minus_sin_theta * cos_phi, minus_sin_theta * minus_sin_phi
+    return dx * cos_theta - dz * left, up, dz * cos_theta + dx * left
 
 
-def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
-    """Return, for each number ``u`` (N,) in [0, 1), an item index with probability proportional to its weight."""
-    share = np.cumsum(weights)
-    return np.minimum(np.searchsorted(share / share[-1], u, side="right"), len(share) - 1)
+def weighted_indices(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
+    """Return for each number ``u`` (N,) in [0, 1) the index of an item, with probability proportional to its weight."""
+    cumulative = np.cumsum(weights)
+    return np.minimum(np.searchsorted(cumulative / cumulative[-1], u, side="right"), len(cumulative) - 1)
 
 
 def _check_line(line: object) -> None:

@@ -11,7 +11,7 @@ from solen.plane import Point, heading
 from solen.scene.sources.base import LineSource, PlacedInSpace, about_axis
 from solen.scene.sources.pattern import Isotropic, Pattern
 
-EVENLY = Isotropic()
+UNIFORM = Isotropic()
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Emitter(LineSource):
         Relative intensity as a function of the angle from the axis; in the plane its section is emitted, in space the
         complete pattern.
     cone_deg
-        Full opening angle beyond which nothing is emitted; 360 includes light to the side and to the back.
+        Full opening angle of the cone to which the pattern is limited; 360 includes light to the side and the back.
     width_mm, height_mm
         Size across the axis in the plane, and along y; 0 for a point or a line. In the plane the height has no effect.
     y_mm
@@ -38,7 +38,7 @@ class Emitter(LineSource):
     point: Point
     axis_deg: float
     rays: int
-    pattern: Pattern = EVENLY
+    pattern: Pattern = UNIFORM
     cone_deg: float = 180.0
     width_mm: float = 0.0
     height_mm: float = 0.0

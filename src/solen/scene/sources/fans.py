@@ -17,8 +17,8 @@ from solen.scene.sources.base import LineSource, Placed, Source
 from solen.scene.sources.pattern import Isotropic
 
 
-class _Even(LineSource):
-    """Rays spaced uniformly in angle, from the right edge of the cone to the left edge."""
+class _UniformFan(LineSource):
+    """Rays at uniformly spaced angles, from the right edge of the cone to the left edge."""
 
     pattern = Isotropic()
 
@@ -28,7 +28,7 @@ class _Even(LineSource):
 
 
 @dataclass(frozen=True)
-class Fan(_Even):
+class Fan(_UniformFan):
     """Point source, uniform in angle over ``cone_deg`` about ``axis_deg``.
 
     The cone is divided equally among the rays, from the right edge to the left edge, and each ray is at the centre of
@@ -48,7 +48,7 @@ class Fan(_Even):
 
 
 @dataclass(frozen=True)
-class Chip(_Even):
+class Chip(_UniformFan):
     """Line of ``width_mm`` centred on ``point`` across ``axis_deg``; each point emits a fan over ``cone_deg``."""
 
     point: Point
@@ -82,8 +82,8 @@ class Beam(Source):
 
     def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
-        share = u[:, 0]
-        x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
+        fraction = u[:, 0]
+        x, z = ((1.0 - fraction) * start + fraction * end for start, end in zip(self.start, self.end, strict=True))
         dx, dz = (np.full(len(u), value) for value in heading(self.direction_deg))
         return x, z, dx, dz
 
@@ -117,9 +117,9 @@ class Rays(Source):
 
     def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
-        which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
-        x, z = np.asarray(self.origins, dtype=float)[which].T
-        dx, dz = np.asarray(self.directions, dtype=float)[which].T
+        indices = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
+        x, z = np.asarray(self.origins, dtype=float)[indices].T
+        dx, dz = np.asarray(self.directions, dtype=float)[indices].T
         length = np.hypot(dx, dz)
         return x.copy(), z.copy(), dx / length, dz / length
 
@@ -127,8 +127,8 @@ class Rays(Source):
         """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         if len(self.origins) != len(self.directions):
-            found = f"{len(self.origins)} origins, {len(self.directions)} directions"
-            raise DesignError("rays", value=found, limit="origins and directions must be equal in number")
+            limit = f"must have as many directions as origins, but has {len(self.directions)} and {len(self.origins)}"
+            raise DesignError("rays", limit=limit)
         check_points("rays", *self.origins, *self.directions)
         if any(not math.hypot(*direction) > 0.0 for direction in self.directions):
-            raise DesignError("rays", value="a direction (0, 0)", limit="must have a length above 0")
+            raise DesignError("rays direction", value=(0.0, 0.0), limit="must have a length above 0")

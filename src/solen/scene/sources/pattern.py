@@ -25,7 +25,7 @@ SAME_ANGLE = 1e-15
 
 
 class AngleInterval(NamedTuple):
-    """Angles (radians from the axis) over which the intensity in the plane is (base + slope angle) cos(angle)^power."""
+    """Angles (rad) from the axis over which the intensity in the plane is (base + slope · angle) · cos(angle)^power."""
 
     low: float
     high: float
@@ -34,7 +34,7 @@ class AngleInterval(NamedTuple):
     power: float
 
     @property
-    def most(self) -> float:
+    def max_intensity(self) -> float:
         """Upper bound of the intensity."""
         ends = (self.base + self.slope * self.low, self.base + self.slope * self.high)
         return max(abs(end) for end in ends)
@@ -125,19 +125,21 @@ class CosinePower(AngularPattern):
         """See :meth:`AngularPattern.in_plane`; sin²θ has a beta distribution."""
         from scipy.special import betainc, betaincinv  # slow to import, and few sources need it
 
-        side, top = 2.0 * u - 1.0, math.sin(_up_to_90(half))
+        signed, max_sine = 2.0 * u - 1.0, math.sin(_up_to_90(half))
         if self.exponent == 1.0:
-            return np.asarray(np.arcsin(side * top))
+            return np.asarray(np.arcsin(signed * max_sine))
         a, b = 0.5, 0.5 * (self.exponent + 1.0)
-        square = np.asarray(betaincinv(a, b, np.abs(side) * float(betainc(a, b, top * top))), dtype=np.float64)
-        return np.asarray(np.copysign(np.arcsin(np.sqrt(square)), side))
+        square = np.asarray(
+            betaincinv(a, b, np.abs(signed) * float(betainc(a, b, max_sine * max_sine))), dtype=np.float64
+        )
+        return np.asarray(np.copysign(np.arcsin(np.sqrt(square)), signed))
 
     def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`; cos^(m + 1) θ is uniform."""
         m = self.exponent + 1.0
         with np.errstate(divide="ignore"):  # at 90° the logarithm of 0, whose exponential is 0
-            lost: FloatArray = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
-        return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * lost)))
+            one_minus_cos: FloatArray = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)
+        return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * one_minus_cos)))
 
     def intervals(self, half: float) -> tuple[AngleInterval, ...]:
         """See :meth:`AngularPattern.intervals`."""
@@ -169,12 +171,15 @@ class PatternTable(AngularPattern):
         check_numbers("pattern angle_deg", *self.angle_deg)
         check_numbers("pattern relative", *self.relative)
         if len(self.angle_deg) != len(self.relative) or len(self.angle_deg) < 2:
-            found = f"{len(self.angle_deg)} angles, {len(self.relative)} intensities"
-            raise DesignError(
-                "pattern", value=found, limit="angles and intensities must be equal in number, at least 2"
+            limit = (
+                "must have as many intensities as angles, at least 2, but has "
+                f"{len(self.relative)} and {len(self.angle_deg)}"
             )
+            raise DesignError("pattern", limit=limit)
         if self.angle_deg[0] != 0.0 or self.angle_deg[-1] > 180.0 or any(a >= b for a, b in pairwise(self.angle_deg)):
-            raise DesignError("pattern angle_deg", value=self.angle_deg, limit="must ascend from 0 to at most 180")
+            raise DesignError(
+                "pattern angle_deg", value=self.angle_deg, limit="must be in ascending order from 0 to at most 180"
+            )
         if not min(self.relative) >= 0.0 or not max(self.relative) > 0.0:
             limit = "must be at least 0, and above 0 at some angle"
             raise DesignError("pattern relative", value=self.relative, limit=limit)
@@ -186,20 +191,20 @@ class PatternTable(AngularPattern):
     def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_plane`."""
         angle, value = self._within(half)
-        side = 2.0 * u - 1.0
-        which, rest = _segment(np.abs(side), 0.5 * (value[1:] + value[:-1]) * np.diff(angle))
-        slope = (np.diff(value) / np.diff(angle))[which]
-        root = value[which] + np.sqrt(np.maximum(value[which] ** 2 + 2.0 * slope * rest, 0.0))
+        signed = 2.0 * u - 1.0
+        index, rest = _segment(np.abs(signed), 0.5 * (value[1:] + value[:-1]) * np.diff(angle))
+        slope = (np.diff(value) / np.diff(angle))[index]
+        root = value[index] + np.sqrt(np.maximum(value[index] ** 2 + 2.0 * slope * rest, 0.0))
         step = np.divide(2.0 * rest, root, out=np.zeros_like(rest), where=root > 0.0)
-        return np.copysign(np.minimum(angle[which] + step, angle[which + 1]), side)
+        return np.copysign(np.minimum(angle[index] + step, angle[index + 1]), signed)
 
     def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`."""
         angle, value = self._within(half)
         width, slope = np.diff(angle), np.diff(value) / np.diff(angle)
-        which, rest = _segment(u, _band(angle[:-1], value[:-1], slope, width))
-        start, first, rise = angle[which], value[which], slope[which]
-        low, high = np.zeros_like(u), width[which]
+        index, rest = _segment(u, _band(angle[:-1], value[:-1], slope, width))
+        start, first, rise = angle[index], value[index], slope[index]
+        low, high = np.zeros_like(u), width[index]
         step = 0.5 * high
         for _ in range(80):
             over = _band(start, first, rise, step) - rest
@@ -220,7 +225,7 @@ class PatternTable(AngularPattern):
             slope = (last - first) / (high - low)
             left.append(AngleInterval(low, high, first - slope * low, slope, 0.0))
         right = [AngleInterval(-part.high, -part.low, part.base, -part.slope, 0.0) for part in reversed(left)]
-        return tuple(part for part in (*right, *left) if part.most > 0.0)
+        return tuple(part for part in (*right, *left) if part.max_intensity > 0.0)
 
     def solid_angle_sr(self, half: float) -> float:
         """See :meth:`AngularPattern.solid_angle_sr`."""
@@ -246,7 +251,7 @@ class PatternTable(AngularPattern):
         angle, value = np.append(angle[inside], last), np.append(value[inside], np.interp(last, angle, value))
         if not (len(value) > 1 and np.any(value > 0.0)):
             raise DesignError(
-                "cone_deg", value=2.0 * math.degrees(half), limit="the pattern has no intensity within the cone"
+                "cone_deg", value=2.0 * math.degrees(half), limit="must include angles at which the pattern emits"
             )
         return angle, value
 
@@ -258,12 +263,12 @@ def _up_to_90(half: float) -> float:
     return min(half, 0.5 * math.pi)
 
 
-def _segment(share: FloatArray, parts: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the index of the part in which a fraction of the sum lies, and how much of that part precedes it."""
-    whole = np.concatenate([[0.0], np.cumsum(parts)])
-    place = share * whole[-1]
-    which = np.clip(np.searchsorted(whole, place, side="right") - 1, 0, len(parts) - 1)
-    return which, np.clip(place - whole[which], 0.0, parts[which])
+def _segment(fraction: FloatArray, amounts: FloatArray) -> tuple[IndexArray, FloatArray]:
+    """Return the index of the amount in which a fraction of their sum lies, and how much of that amount precedes it."""
+    cumulative = np.concatenate([[0.0], np.cumsum(amounts)])
+    target = fraction * cumulative[-1]
+    index = np.clip(np.searchsorted(cumulative, target, side="right") - 1, 0, len(amounts) - 1)
+    return index, np.clip(target - cumulative[index], 0.0, amounts[index])
 
 
 def _band(start: FloatArray, first: FloatArray, slope: FloatArray, step: FloatArray) -> FloatArray:

@@ -2,12 +2,12 @@
 
 One or two coordinates use a rank-1 lattice whose first coordinate has equal steps; in one dimension this is the
 midpoint rule. Three or more coordinates use ``COPIES`` Sobol' nets in turn, each with a fixed random digital shift. A
-lattice in many dimensions can be poor along a direction that matters, in which case both of its halves have the same
+lattice in many dimensions can be poor along the one direction that matters, and then both of its halves have the same
 error. Independent copies do not have this problem, so their standard deviation gives the uncertainty of their mean
 (decision 31).
 
-Scrambled nets equal those of `scipy.stats.qmc.Sobol` with the same generator, number for number. They are computed here
-because importing scipy takes longer than tracing with them, and so that they do not change with future versions.
+Scrambled nets are identical to those of `scipy.stats.qmc.Sobol` with the same generator. They are computed here because
+importing scipy takes longer than tracing with them, and so that they do not change with future versions.
 """
 
 from collections.abc import Callable
@@ -27,31 +27,31 @@ POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
     (4, 4, (1, 3, 5, 13)),
     (5, 2, (1, 1, 5, 5, 17)),
 )
-"""Degree, inner coefficients and first direction numbers of the second and further coordinates: S. Joe and F. Y. Kuo,
+"""Degree, inner coefficients and initial direction numbers of the second and further coordinates: S. Joe and F. Y. Kuo,
 Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6.
 """
 MAX_DIMENSIONS = 1 + len(POLYNOMIALS)
 SCRAMBLED_DIGITS = 30
 COPIES = 16
 DIGITS = 52
-"""Binary digits of a point: the largest number for which double precision can still add a half."""
+"""Binary digits of a point: the largest number for which double precision can represent an added half."""
 
 
 def copies(dimensions: int) -> int:
-    """Return the number of independent copies that share the points; 1 if the points form one lattice."""
+    """Return the number of independent nets among which the points are divided; 1 if they form one lattice."""
     return COPIES if dimensions > 2 else 1
 
 
-def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """Return points (N, dimensions) in [0, 1) for the numbers (N,) in a set of ``many`` points.
+def points(number: FloatArray, count: int, dimensions: int) -> FloatArray:
+    """Return points (N, dimensions) in [0, 1) for the numbers (N,) in a set of ``count`` points.
 
-    Consecutive numbers 0, 1, 2, … belong to the copies 0, 1, 2, … in turn.
+    Consecutive numbers belong to consecutive copies, in turn.
     """
     if copies(dimensions) == 1:
-        return _lattice(number, many, dimensions)
-    whole = np.asarray(number, dtype=np.int64)
-    net = plain(dimensions, DIGITS).at(whole // COPIES)
-    return np.asarray(((net ^ _shifts(dimensions)[whole % COPIES]) + 0.5) * 2.0**-DIGITS)
+        return _lattice(number, count, dimensions)
+    index = np.asarray(number, dtype=np.int64)
+    net = plain(dimensions, DIGITS).at(index // COPIES)
+    return np.asarray(((net ^ _shifts(dimensions)[index % COPIES]) + 0.5) * 2.0**-DIGITS)
 
 
 def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], FloatArray]:
@@ -68,9 +68,9 @@ def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], Float
     return at
 
 
-def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """Return points with equal steps in the first coordinate and, if there is a second, golden-ratio steps in that."""
-    first = ((number + 0.5) / many)[:, None]
+def _lattice(number: FloatArray, count: int, dimensions: int) -> FloatArray:
+    """Return points with equal steps in the first coordinate and golden-ratio steps in the second, if there is one."""
+    first = ((number + 0.5) / count)[:, None]
     if dimensions == 1:
         return first
     ratio = 2.0
@@ -89,7 +89,7 @@ def _shifts(dimensions: int) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """A digital net: the contribution of each binary digit (dimensions, digits), and a shift (dimensions,).
+    """A digital net: direction numbers (dimensions, digits), one per binary digit, and a digital shift (dimensions,).
 
     All entries are integers below 2^digits.
     """
@@ -109,7 +109,7 @@ class Net:
 
     @cached_property
     def _tables(self) -> list[list[IntArray]]:
-        """Return the contribution of each value of a byte of the point number, by byte and coordinate."""
+        """Contribution of each value of a byte of the point number, indexed by byte and coordinate."""
         digits = self.directions.shape[1]
         starts = range(0, digits, 8)
         return [[_table(row[start : start + 8].tolist()) for row in self.directions] for start in starts]
@@ -118,7 +118,7 @@ class Net:
 def _table(directions: list[int]) -> IntArray:
     table = [0]
     for direction in directions:
-        table += [known ^ direction for known in table]
+        table += [value ^ direction for value in table]
     return np.array(table, dtype=np.int64)
 
 
@@ -129,19 +129,20 @@ def plain(dimensions: int, digits: int) -> Net:
     return Net(directions, np.zeros(dimensions, dtype=np.int64))
 
 
-def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
-    """Return a net of `SCRAMBLED_DIGITS` digits, scrambled with random matrices and a random shift.
+def scrambled(dimensions: int, generator: np.random.Generator) -> Net:
+    """Return a scrambled Sobol' net of `SCRAMBLED_DIGITS` digits: a random linear scramble and a random digital shift.
 
-    There is one matrix per coordinate (J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14, 1998).
+    Each coordinate is scrambled with its own lower triangular binary matrix (J. Matoušek, On the L2-discrepancy for
+    anchored boxes, J. Complexity 14, 1998).
     """
     digits = SCRAMBLED_DIGITS
     powers = 1 << np.arange(digits, dtype=np.int64)
-    shift = draw.integers(2, size=(dimensions, digits), dtype=np.uint32).astype(np.int64) @ powers
-    matrices = np.tril(draw.integers(2, size=(dimensions, digits, digits), dtype=np.uint32).astype(np.int64))
+    shift = generator.integers(2, size=(dimensions, digits), dtype=np.uint32).astype(np.int64) @ powers
+    matrices = np.tril(generator.integers(2, size=(dimensions, digits, digits), dtype=np.uint32).astype(np.int64))
     matrices[:, np.arange(digits), np.arange(digits)] = 1
     bits = (plain(dimensions, digits).directions[:, :, None] >> np.arange(digits - 1, -1, -1)) & 1
-    mixed = (bits @ matrices.transpose(0, 2, 1)) & 1
-    return Net(mixed @ powers[::-1], shift)
+    scrambled_bits = (bits @ matrices.transpose(0, 2, 1)) & 1
+    return Net(scrambled_bits @ powers[::-1], shift)
 
 
 def _directions(coordinate: int, digits: int) -> list[int]:

@@ -31,7 +31,7 @@ TM25_COLUMN = 512
 TM25_BLOCK = 32
 MAX_LINES = 32
 """Maximum number of spectral lines into which the wavelengths in a file are binned."""
-NOT_UNIT = 1e-3
+MAX_LENGTH_ERROR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,24 +102,24 @@ def _zemax(data: bytes, what: str) -> RaySet:
     if len(data) < ZEMAX_HEADER.size:
         raise _short(what, "the header", len(data), ZEMAX_HEADER.size)
     fields = ZEMAX_HEADER.unpack_from(data)
-    many, wavelength_um, unit, kind, flux_kind = fields[1], fields[5], fields[10], fields[24], fields[25]
+    count, wavelength_um, unit, kind, flux_kind = fields[1], fields[5], fields[10], fields[24], fields[25]
     if unit not in ZEMAX_MM:
         raise DataError(f"{what}: header, dimension units", value=unit, limit="must be 0 to 4")
     if kind not in (0, 2):
         raise DataError(f"{what}: header, ray format", value=kind, limit="must be 0 (flux) or 2 (flux and wavelength)")
     if kind == 0 and flux_kind == 1 and not wavelength_um > 0.0:
         raise _no_power(what)
-    numbers = _rays(data, ZEMAX_HEADER.size, many, 7 if kind == 0 else 8, what)
+    numbers = _rays(data, ZEMAX_HEADER.size, count, 7 if kind == 0 else 8, what)
     numbers[:, :3] *= ZEMAX_MM[unit]
-    stated = ((1000.0 * wavelength_um, 1.0),) if kind == 0 and wavelength_um > 0.0 else ()
-    return _ray_set(_Columns(numbers, 6, None if kind == 0 else 7, 1000.0), stated, what)
+    spectrum = ((1000.0 * wavelength_um, 1.0),) if kind == 0 and wavelength_um > 0.0 else ()
+    return _ray_set(_Columns(numbers, 6, None if kind == 0 else 7, 1000.0), spectrum, what)
 
 
 def _tm25(data: bytes, what: str) -> RaySet:
     if len(data) < TM25_HEADER.size + TM25_TEXTS:
         raise _short(what, "the header", len(data), TM25_HEADER.size + TM25_TEXTS)
     fields = TM25_HEADER.unpack_from(data)
-    many, colours, wavelength_nm, tables, columns, text = fields[5], fields[8], fields[9], *fields[12:15]
+    count, colours, wavelength_nm, tables, columns, text = fields[5], fields[8], fields[9], *fields[12:15]
     position, direction, radiant, by_ray, luminous, stokes, tristimulus, index = fields[16:]
     if position != 1 or direction != 1 or not (radiant == 1 or luminous == 1):
         raise DataError(f"{what}: flags", limit="each ray must have a position, a direction and a flux")
@@ -128,67 +128,67 @@ def _tm25(data: bytes, what: str) -> RaySet:
         raise DataError(f"{what}: header, spectral data", value=colours, limit=limit)
     if radiant != 1 and colours != 1:
         raise _no_power(what)
-    place, spectrum = _tm25_tables(data, tables, what)
-    place += TM25_COLUMN * columns + text
+    position, spectrum = _tm25_tables(data, tables, what)
+    position += TM25_COLUMN * columns + text
     width = 6 + radiant + by_ray + luminous + 3 * stokes + 2 * tristimulus + columns
-    numbers = _rays(data, place, many, width, what)
-    stated = ((wavelength_nm, 1.0),) if colours == 1 else spectrum if colours == 3 else ()
+    numbers = _rays(data, position, count, width, what)
+    spectrum = ((wavelength_nm, 1.0),) if colours == 1 else spectrum if colours == 3 else ()
     if colours == 3 and tables != 1:
         raise DataError(f"{what}: header, spectral tables", value=tables, limit="there must be one table for all rays")
     flux = 6 if radiant == 1 else 6 + by_ray
-    return _ray_set(_Columns(numbers, flux, 6 + radiant if by_ray == 1 else None, 1.0), stated, what)
+    return _ray_set(_Columns(numbers, flux, 6 + radiant if by_ray == 1 else None, 1.0), spectrum, what)
 
 
 def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, ...]]:
     """Return the position after the spectral tables, and the lines of the first one."""
-    start = place = TM25_HEADER.size + TM25_TEXTS
+    start = position = TM25_HEADER.size + TM25_TEXTS
     lines: tuple[Line, ...] = ()
     for number in range(tables):
-        if len(data) < place + 4:
-            raise _short(what, "the spectral tables", len(data), place + 4)
-        (pairs,) = struct.unpack_from("<i", data, place)
-        place += 4
-        if pairs < 1 or len(data) < place + 8 * pairs:
-            raise _short(what, f"spectral table {number + 1}", len(data), place + 8 * max(pairs, 1))
-        rows = np.frombuffer(data, "<f4", 2 * pairs, place).reshape(-1, 2).astype(np.float64)
-        place += 8 * pairs
+        if len(data) < position + 4:
+            raise _short(what, "the spectral tables", len(data), position + 4)
+        (pairs,) = struct.unpack_from("<i", data, position)
+        position += 4
+        if pairs < 1 or len(data) < position + 8 * pairs:
+            raise _short(what, f"spectral table {number + 1}", len(data), position + 8 * max(pairs, 1))
+        rows = np.frombuffer(data, "<f4", 2 * pairs, position).reshape(-1, 2).astype(np.float64)
+        position += 8 * pairs
         lines = lines or tuple((float(nm), float(weight)) for nm, weight in rows if weight > 0.0)
-    return start + -(-(place - start) // TM25_BLOCK) * TM25_BLOCK, _gathered(lines)
+    return start + -(-(position - start) // TM25_BLOCK) * TM25_BLOCK, _few_lines(lines)
 
 
-def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArray:
+def _rays(data: bytes, start: int, count: int, width: int, what: str) -> FloatArray:
     """Return the numbers (N, width) of all rays; the file must contain all of them and nothing more."""
     size = 4 * width
-    whole = start + many * size
-    if many < 1:
-        raise DataError(f"{what}: header, number of rays", value=many, limit="must be at least 1")
-    if len(data) < whole:
-        raise _short(what, f"ray {max(len(data) - start, 0) // size + 1} of {many}", len(data), whole)
-    if len(data) > whole:
-        limit = f"has {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes require"
+    expected = start + count * size
+    if count < 1:
+        raise DataError(f"{what}: header, number of rays", value=count, limit="must be at least 1")
+    if len(data) < expected:
+        raise _short(what, f"ray {max(len(data) - start, 0) // size + 1} of {count}", len(data), expected)
+    if len(data) > expected:
+        limit = f"has {len(data)} bytes, {len(data) - expected} more than its {count} rays of {size} bytes require"
         raise DataError(what, limit=limit, remedy="obtain the file again")
-    return np.frombuffer(data, "<f4", many * width, start).reshape(many, width).astype(np.float64)
+    return np.frombuffer(data, "<f4", count * width, start).reshape(count, width).astype(np.float64)
 
 
-def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
+def _ray_set(columns: _Columns, spectrum: tuple[Line, ...], what: str) -> RaySet:
     """Check the numbers of each ray and return the rays."""
     numbers, flux = columns.numbers, columns.numbers[:, columns.flux]
     length = np.linalg.norm(numbers[:, 3:6], axis=1)
     checks = {
         "its numbers must be finite": np.all(np.isfinite(numbers[:, :6]), axis=1) & np.isfinite(flux),
-        "its direction must be a unit vector": np.abs(length - 1.0) <= NOT_UNIT,
+        "its direction must be a unit vector": np.abs(length - 1.0) <= MAX_LENGTH_ERROR,
         "its flux must be at least 0": flux >= 0.0,
     }
     if columns.wavelength is not None:
         nm = columns.numbers[:, columns.wavelength] * columns.wavelength_nm
         checks["its wavelength must be from 100 to 20000 nm"] = (nm >= 100.0) & (nm <= 20_000.0)
-    for limit, good in checks.items():
-        if not np.all(good):
-            raise DataError(f"{what}: ray {int(np.argmin(good)) + 1} of {len(numbers)}", limit=limit)
+    for limit, valid in checks.items():
+        if not np.all(valid):
+            raise DataError(f"{what}: ray {int(np.argmin(valid)) + 1} of {len(numbers)}", limit=limit)
     if not np.sum(flux) > 0.0:
         raise DataError(what, limit="all its rays have zero flux")
     power = flux / np.sum(flux)
-    spectrum, line = (stated, None) if columns.wavelength is None else _lines(nm, power)
+    spectrum, line = (spectrum, None) if columns.wavelength is None else _lines(nm, power)
     return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
 
 
@@ -206,7 +206,7 @@ def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArra
     return tuple(zip(values.tolist(), weights.tolist(), strict=True)), line.astype(np.int64)
 
 
-def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
+def _few_lines(lines: tuple[Line, ...]) -> tuple[Line, ...]:
     """Return a spectrum with few lines, by binning if necessary."""
     if len(lines) <= MAX_LINES:
         return lines
@@ -214,8 +214,8 @@ def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
     return _lines(nm, weight / weight.sum())[0]
 
 
-def _short(what: str, where: str, result: int, needed: int) -> DataError:
-    limit = f"is truncated in {where}: it has {result} bytes and requires at least {needed}"
+def _short(what: str, where: str, size: int, expected: int) -> DataError:
+    limit = f"is truncated in {where}: it has {size} bytes and requires at least {expected}"
     return DataError(what, limit=limit, remedy="obtain the file again")
 
 

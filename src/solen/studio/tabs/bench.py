@@ -1,57 +1,57 @@
-"""The bench tab: runs a real or simulated rig and converts recordings into responses, diagnoses and angles."""
+"""The bench tab: running a real or simulated rig; responses, diagnoses and angles from recordings."""
 
 from pathlib import Path
 
-from solen.studio.offers import Offer
+from solen.studio.page_commands import PageCommand
 
-OFFERS = (
-    Offer(
+COMMANDS = (
+    PageCommand(
         "bench analyse",
         "solen.pipeline.bench.analyse:analyse",
         "Response of sensors",
         files={"files": "Recordings"},
-        written={"out": "analysis.json", "traces": "traces.svg"},
+        outputs={"out": "analysis.json", "traces": "traces.svg"},
         first=("time", "angle", "channel"),
     ),
-    Offer(
+    PageCommand(
         "bench diagnose",
         "solen.pipeline.bench.diagnose:diagnose",
         "Diagnosis: decentre, chip, gains",
         files={"files": "Recordings"},
-        written={"out": "diagnosis.json"},
+        outputs={"out": "diagnosis.json"},
         first=("design", "sensor"),
     ),
-    Offer(
+    PageCommand(
         "bench calibrate",
         "solen.pipeline.bench.calibrate:calibrate",
-        "Calibration: from volts to angles",
+        "Calibration: from voltages to angles",
         files={"recordings": "Recordings"},
-        written={"out": "calibration.json"},
+        outputs={"out": "calibration.json"},
         first=("sensor",),
     ),
-    Offer(
+    PageCommand(
         "bench decode",
         "solen.pipeline.bench.decode:decode",
         "Angles, live or from a recording",
         files={"source": "Recording, or journal of a run"},
         results={"calibration": "Calibration"},
-        written={"out": "angles.csv"},
+        outputs={"out": "angles.csv"},
         first=("follow", "sensor"),
         live={"rows": "solen.studio.live:Angles"},
         hidden=("warn", "text", "send", "force"),
     ),
-    Offer(
+    PageCommand(
         "bench new",
         "solen.pipeline.bench.record:new",
         "Files of a simulated rig",
-        written={"folder": ""},
+        outputs={"folder": ""},
     ),
-    Offer(
+    PageCommand(
         "bench run",
         "solen.pipeline.bench.record:run",
         "Run a rig, real or simulated",
         results={"protocol": "Protocol", "rig": "Rig"},
-        written={"out": ""},
+        outputs={"out": ""},
         first=("name", "seed", "real_time"),
         live={"watch": "solen.studio.live:Levels"},
         hidden=("report", "confirm"),
@@ -59,8 +59,8 @@ OFFERS = (
 )
 
 
-def commands_for(path: Path) -> tuple[str, ...]:
-    """Return the commands that accept a file: TOML is a protocol or a rig, a journal is an unfinished run."""
+def suitable_commands(path: Path) -> tuple[str, ...]:
+    """Return the commands that accept a file; TOML is a protocol or a rig, and a journal is an unfinished run."""
     if path.suffix == ".toml":
         return ("bench run",)
     return ("bench decode",) if path.suffix == ".journal" else ("bench analyse", "bench diagnose", "bench calibrate")

@@ -1,55 +1,58 @@
-"""The print tab: the part, its layers, the predicted print, and the next drawing based on an image of a print."""
+"""The print tab: the part, its layers, the predicted print, and the next drawing from an image of a print."""
 
 from pathlib import Path
 
 from solen.errors import DataError
-from solen.studio.offers import Offer
+from solen.studio.page_commands import PageCommand
 
-IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
 
-OFFERS = (
-    Offer(
+COMMANDS = (
+    PageCommand(
         "export",
         "solen.pipeline.design.solid:export",
         "The part, for CAD and printers",
-        written={"out": ""},
+        outputs={"out": ""},
         design="file",
         first=("stl", "threemf", "step", "dxf", "svg"),
     ),
-    Offer(
+    PageCommand(
         "print layers",
         "solen.pipeline.print.layers:layers",
         "Layers",
-        written={"out": ""},
+        outputs={"out": ""},
         design="file",
         first=("printer", "layer_um", "exposure_s", "burn_in_layers", "burn_in_s", "orientation"),
     ),
-    Offer(
+    PageCommand(
         "print predict",
         "solen.pipeline.print.predict:predict",
         "Predicted print",
-        written={"out": "printed.json"},
+        outputs={"out": "printed.json"},
         design="file",
         first=("process", "cure", "printer", "orientation", "response"),
     ),
-    Offer(
+    PageCommand(
         "print tune",
         "solen.pipeline.print.tune:tune",
         "Next drawing, from an image",
         files={"image": "Micrograph of the printed lens"},
-        written={"out": ""},
-        beside={"log": "{design}-tuning.json"},
+        outputs={"out": ""},
+        design_outputs={"log": "{design}-tuning.json"},
         design="design",
         first=("um_per_px", "scale", "drawn", "process", "response"),
     ),
 )
 
 
-def commands_for(path: Path) -> tuple[str, ...]:
+def suitable_commands(path: Path) -> tuple[str, ...]:
     """Return the print commands that accept a file."""
-    if path.suffix.lower() in IMAGES:
+    if path.suffix.lower() in IMAGE_SUFFIXES:
         return ("print tune",)
     if path.suffix.lower() in {".toml", ".json"}:
         return ("print predict", "print layers")
-    limit, remedy = "is not an image, process or working curve", f"an image must end in {', '.join(IMAGES)}"
+    limit, remedy = (
+        "must be an image, a process or a working curve",
+        f"save an image as one of {', '.join(IMAGE_SUFFIXES)}",
+    )
     raise DataError(path.name, limit=limit, remedy=remedy)

@@ -1,4 +1,4 @@
-"""The paper's figures that software can make, in the paper's order, with a module for each group."""
+"""The figures of the paper that software can make, in their order there; each group has a module."""
 
 from solen.pipeline.project.paper import bench, prints, resin, robot, rotation
 from solen.pipeline.project.paper.model import Made, PaperFigure, Picture

@@ -1,4 +1,4 @@
-"""Bench figures: voltage against angle and over time for the simulated rig (4D, S6)."""
+"""Figures 4D and S6: voltage against angle and against time, recorded on the simulated rig."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -7,7 +7,7 @@ from solen import files
 from solen.analysis import Study, study
 from solen.bench.record import RecordOptions
 from solen.paper.samples import write_samples
-from solen.paper.sensor_numbers import control_percent, mean_slope, of_the_rig, protocol_found
+from solen.paper.sensor_numbers import control_percent, mean_slope, protocol_numbers, rig_numbers
 from solen.paper.statements import compared
 from solen.pipeline.bench.record import run
 from solen.pipeline.project.paper.model import Made, PaperFigure, Picture
@@ -23,32 +23,32 @@ COMMANDS = (
 
 
 @lru_cache(maxsize=1)
-def _recorded(folder: Path) -> Study:
+def _study(folder: Path) -> Study:
     """Run the paper's protocol on the simulated rig and analyse it, once for both figures."""
     protocol, rig, _ = write_samples(folder, "rotation.toml", "rig.toml", "sensor.toml")
     for name in ("rotation.nc", "rotation.journal"):
         files.remove(folder / name)
-    recorded = run(protocol, rig, folder, RecordOptions(seed=SEED))
-    return study((recorded.files["recording"],))
+    outcome = run(protocol, rig, folder, RecordOptions(seed=SEED))
+    return study((outcome.files["recording"],))
 
 
 def _response(folder: Path) -> Made:
-    found = _recorded(folder)
+    recorded = _study(folder)
     alt = (
-        "voltage against angle of three simulated sensors with a lens, mean and standard deviation of five cycles: the "
-        "right voltage falls towards −3°, the left one towards +3°; without a lens both hardly change"
+        "voltage against angle for three simulated sensors with a lens, mean and standard deviation of five cycles: "
+        "the right voltage falls towards −3°, the left one towards +3°; without a lens, both hardly change"
     )
-    rows = [compared(f"voltage-{side}", *mean_slope(found, side)) for side in ("right", "left")]
-    control = compared("control-measured", *control_percent(found))
-    rig = [compared(key, number) for key, number in of_the_rig(found).items()]
-    return Made((Picture("4D.svg", alt, lambda: figure_of(found), mark=MARK),), (*rows, control, *rig))
+    rows = [compared(f"voltage-{side}", *mean_slope(recorded, side)) for side in ("right", "left")]
+    control = compared("control-measured", *control_percent(recorded))
+    rig = [compared(key, number) for key, number in rig_numbers(recorded).items()]
+    return Made((Picture("4D.svg", alt, lambda: figure_of(recorded), mark=MARK),), (*rows, control, *rig))
 
 
 def _traces(folder: Path) -> Made:
-    found = _recorded(folder)
-    alt = "voltages of both receivers and the angle over time, six cycles of each simulated sensor, holds in grey"
-    rows = [compared(key, *number) for key, number in protocol_found(found).items()]
-    return Made((Picture("S6.svg", alt, lambda: traces_figure(found), mark=MARK),), tuple(rows))
+    recorded = _study(folder)
+    alt = "voltages of both receivers and angle against time for six cycles of each simulated sensor; holds are grey"
+    rows = [compared(key, *number) for key, number in protocol_numbers(recorded).items()]
+    return Made((Picture("S6.svg", alt, lambda: traces_figure(recorded), mark=MARK),), tuple(rows))
 
 
 RESPONSE = PaperFigure(

@@ -1,4 +1,4 @@
-"""A figure of the paper as made by solen: its drawings, ready to be rendered, and its comparisons with the paper."""
+"""A figure of the paper as reproduced by solen: its drawings and its comparisons with the paper."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,32 +17,32 @@ COLUMN = FigureOptions(width_mm=110)
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture: its file, the alternative text, and its figure.
+    """A drawing of a figure.
 
     Attributes
     ----------
     file
-        Name of the file, such as ``3A.svg``; photographs are ``.png``.
+        Name of the file, such as ``3A.svg``; micrographs are ``.png``.
     alt
-        Text for readers who cannot see the picture.
+        Alternative text, for readers who cannot see the drawing.
     draw
-        Function that draws the picture.
+        Function that draws it.
     look
-        Width, letters, panels.
+        Width, letters and panels.
     mark
-        Note on simulated data; empty if the paper simulates them as well.
+        Note on simulated data; empty if they are simulated in the paper, too.
     """
 
     file: str
     alt: str
     draw: "Callable[[], Figure]"
-    look: FigureOptions = PAGE
+    options: FigureOptions = PAGE
     mark: str = ""
 
 
 @dataclass(frozen=True)
 class Made:
-    """Drawings in a figure and its comparisons with the paper."""
+    """Drawings of a figure and its comparisons with the paper."""
 
     pictures: tuple[Picture, ...]
     comparisons: tuple[Comparison, ...]
@@ -50,7 +50,7 @@ class Made:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper: its contents, the commands that make it, and the function that makes it here."""
+    """A figure of the paper: its title, the commands that make it, and the function that makes it."""
 
     name: str
     title: str

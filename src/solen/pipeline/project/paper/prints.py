@@ -1,4 +1,4 @@
-"""Print figures: the one-layer sample, printed lenses with their ovals, and resolution (S2, 3E–G, S5)."""
+"""Figures S2, 3E–G and S5: the one-layer sample, printed lenses with their ovals, and printing resolution."""
 
 from functools import partial
 from pathlib import Path
@@ -31,13 +31,13 @@ def _film(_: Path) -> Made:
     plans = coupons(only=FILM, listing=True).result
     alt = "base on the platform, film cured onto it, layer cured, film with layer in the beam, rays through a slab"
     picture = Picture("S2.svg", alt, lambda: figure_of(plans), PAGE.model_copy(update={"letters": "A"}))
-    found = film_layer_sizes(plans.layouts[0]) | settings_of_print()
-    return Made((picture,), tuple(compared(key, size) for key, size in found.items()))
+    sizes = film_layer_sizes(plans.layouts[0]) | settings_of_print()
+    return Made((picture,), tuple(compared(key, size) for key, size in sizes.items()))
 
 
 def _lenses(folder: Path) -> Made:
-    made = [_lens(folder, number, letter, nm) for number, (letter, nm) in enumerate(LENSES_NM.items())]
-    return Made(tuple(picture for picture, _ in made), tuple(row for _, row in made))
+    drawn = [_lens(folder, number, letter, nm) for number, (letter, nm) in enumerate(LENSES_NM.items())]
+    return Made(tuple(picture for picture, _ in drawn), tuple(row for _, row in drawn))
 
 
 def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Comparison]:
@@ -45,18 +45,18 @@ def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Com
     design = files.write_text(folder / f"paper-{nm}.toml", dumps(sensor.design))
     files.write_bytes(file, images.lens_image(sensor, number))
     scale = InspectOptions(um_per_px=images.LENS_UM_PER_PX)
-    found = inspect(file, design=design, options=scale).result
-    rms_um, u_um, rival = deviation_um(found)
-    alt = f"simulated micrograph of the lens for {nm} nm with its own oval, and those of the other two indices"
-    look = COLUMN.model_copy(update={"panels": "A", "letters": letter})
-    picture = Picture(f"3{letter}.png", alt, partial(figure_of, found), look, MARK)
-    return picture, compared(f"printed-{nm}", rms_um, u_um, rival=rival)
+    inspection = inspect(file, design=design, options=scale).result
+    rms_um, u_um, nearest_um = deviation_um(inspection)
+    alt = f"simulated micrograph of the lens for {nm} nm with the oval of its index, and those of the other two"
+    options = COLUMN.model_copy(update={"panels": "A", "letters": letter})
+    picture = Picture(f"3{letter}.png", alt, partial(figure_of, inspection), options, MARK)
+    return picture, compared(f"printed-{nm}", rms_um, u_um, nearest_um=nearest_um)
 
 
 def _coupons(folder: Path) -> Made:
-    made = [_coupon(folder, letter, name, key) for letter, (name, key) in COUPONS_OF.items()]
+    drawn = [_coupon(folder, letter, name, key) for letter, (name, key) in COUPONS_OF.items()]
     sizes = [compared(key, size) for key, size in coupon_sizes().items()]
-    return Made(tuple(picture for picture, _ in made), (*(row for _, row in made), *sizes))
+    return Made(tuple(picture for picture, _ in drawn), (*(row for _, row in drawn), *sizes))
 
 
 def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Comparison]:
@@ -68,12 +68,12 @@ def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Co
         file, content = folder / f"{name}.png", images.coupon_image(coupon)
         scale = HeightMapOptions(um_per_px=images.COUPON_UM_PER_PX)
     files.write_bytes(file, content)
-    found = fidelity(file, coupon=name, options=scale).result
+    measurement = fidelity(file, coupon=name, options=scale).result
     alt = (
-        f"simulated {found.image} of the coupon {name} with its measured outline, and its sizes minus the nominal sizes"
+        f"simulated {measurement.image} of the {name} coupon with its measured outline, and its deviations from nominal"
     )
-    picture = Picture(f"S5{letter}.png", alt, partial(coupon_figure, found, key, letter), mark=MARK)
-    return picture, compared(key, *smallest_um(found, LIMITS[key]))
+    picture = Picture(f"S5{letter}.png", alt, partial(coupon_figure, measurement, key, letter), mark=MARK)
+    return picture, compared(key, *smallest_um(measurement, LIMITS[key]))
 
 
 FILM_LAYER = PaperFigure(

@@ -1,4 +1,4 @@
-"""Resin figures: spectra and index of a layer, stiffness, transparency, cure, exposure (2, S1)."""
+"""Figures 2 and S1: spectra and index of a layer, stiffness, transparency, cure and exposure of the resin."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from solen.paper.sample_numbers import (
     slope_percent_per_s,
 )
 from solen.paper.samples import mark_of, write_samples
-from solen.paper.statements import Comparison, compared, stated
+from solen.paper.statements import Comparison, compared, paper_value
 from solen.pipeline.project.paper.model import COLUMN, PAGE, Made, PaperFigure, Picture
 from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.exposures import exposures
@@ -52,11 +52,11 @@ def _layer(folder: Path) -> Made:
     published = index(file, options=IndexOptions(**known, mode="as-published", transmittance=("T",))).result
     alt = (
         "T and R of a simulated layer; its absorbance and absorptance; its index compared with the paper's three, "
-        "which fall much faster with the wavelength than the band of the literature"
+        "which decrease much faster with wavelength than the published range"
     )
-    look = PAGE.model_copy(update={"letters": "A"})
+    options = PAGE.model_copy(update={"letters": "A"})
     return Made(
-        (Picture("2.svg", alt, lambda: layer_figure(result), look, mark_of(file.name)),),
+        (Picture("2.svg", alt, lambda: layer_figure(result), options, mark_of(file.name)),),
         (
             compared("transmittance", *least_transmittance_percent(result)),
             compared("absorbance", *error_of_index(published, LED_NM)),
@@ -70,18 +70,18 @@ def _layer(folder: Path) -> Made:
 
 def _index(nm: float) -> Comparison:
     key = f"index-{nm:g}"
-    return compared(key, *literature_at(nm), transmittance=transmittance_for(stated(key), nm))
+    return compared(key, *literature_at(nm), transmittance=transmittance_for(paper_value(key), nm))
 
 
 def _dispersion() -> Comparison:
-    fall, u, most = fall_of_polymers(INDICES_NM[-1], INDICES_NM[0])
-    return compared("dispersion", fall, u, most=most)
+    fall, u, largest = fall_of_polymers(INDICES_NM[-1], INDICES_NM[0])
+    return compared("dispersion", fall, u, most=largest)
 
 
 def _typical() -> list[Comparison]:
-    """Return the index that the paper calls typical, and how much it rises below 450 nm."""
-    own = [stated(f"index-{nm:g}") for nm in INDICES_NM]
-    typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(own), most=max(own))
+    """Compare the index that the paper calls typical, and its increase below 450 nm."""
+    indices = [paper_value(f"index-{nm:g}") for nm in INDICES_NM]
+    typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(indices), largest=max(indices))
     return [typical, compared("index-rise", *rise_of_literature(MIN_NM, INDICES_NM[-1]))]
 
 
@@ -92,8 +92,8 @@ def _stiffness(folder: Path) -> Made:
         "compressive stress against strain of simulated cubes of two resins, mean and standard "
         "deviation of three cubes each"
     )
-    look = COLUMN.model_copy(update={"panels": "A", "letters": "A"})
-    picture = Picture("S1A.svg", alt, lambda: figure_of(result), look, mark_of(CUBES[0]))
+    options = COLUMN.model_copy(update={"panels": "A", "letters": "A"})
+    picture = Picture("S1A.svg", alt, lambda: figure_of(result), options, mark_of(CUBES[0]))
     return Made(
         (picture,), (compared("compliance", *modulus_change(result)), compared("cube", size_of("cubes", "cube")))
     )
@@ -103,10 +103,10 @@ def _spectra(folder: Path) -> Made:
     tables = write_samples(folder, *(f"{kind}.csv" for kind in samples.KINDS))
     result = spectra(tables, trace=("T",)).result
     alt = "transmittance of simulated layers of the pristine and the modified resin from 400 to 900 nm"
-    look = COLUMN.model_copy(update={"letters": "B", "limits": ("x=400:900",)})
-    picture = Picture("S1B.svg", alt, lambda: figure_of(result), look, mark_of("modified.csv"))
-    drawn = [compared(key, nm) for key, nm in range_nm(result).items()]
-    return Made((picture,), (compared("transparency", *mean_change_percent(result)), *drawn))
+    options = COLUMN.model_copy(update={"letters": "B", "limits": ("x=400:900",)})
+    picture = Picture("S1B.svg", alt, lambda: figure_of(result), options, mark_of("modified.csv"))
+    ends = [compared(key, nm) for key, nm in range_nm(result).items()]
+    return Made((picture,), (compared("transparency", *mean_change_percent(result)), *ends))
 
 
 def _cure(folder: Path) -> Made:
@@ -114,11 +114,10 @@ def _cure(folder: Path) -> Made:
     result = cure(tables, options=CureOptions(irradiance_mW_per_cm2=PAPER_RATE)).result
     energy = PAPER_RATE * PAPER_S
     alt = (
-        "thickness of simulated discs of two resins against the dose, the fitted lines, and "
-        "the depth that the paper states"
+        "thickness of simulated discs of two resins against dose, the fitted lines, and the depth reported in the paper"
     )
-    look = COLUMN.model_copy(update={"letters": "C"})
-    picture = Picture("S1C.svg", alt, lambda: working_curves(result), look, mark_of("discs/modified.csv"))
+    options = COLUMN.model_copy(update={"letters": "C"})
+    picture = Picture("S1C.svg", alt, lambda: working_curves(result), options, mark_of("discs/modified.csv"))
     depth = compared("cure-depth", *depth_at(result, energy), Dp=result.Dp_um, Ec=largest_Ec(result.Dp_um))
     below = compared("cure-100", *depth_at(result, PAPER_RATE * MAX_EXPOSURE_S))
     projector = compared("projector", wavelength_nm(PRINTER))
@@ -132,8 +131,8 @@ def _cure(folder: Path) -> Made:
 def _exposures(folder: Path) -> Made:
     result = exposures(write_samples(folder, "exposures.csv")).result
     alt = "transmittance of simulated layers exposed for 2, 4 and 6 s"
-    look = COLUMN.model_copy(update={"panels": "A", "letters": "D"})
-    picture = Picture("S1D.svg", alt, lambda: figure_of(result), look, mark_of("exposures.csv"))
+    options = COLUMN.model_copy(update={"panels": "A", "letters": "D"})
+    picture = Picture("S1D.svg", alt, lambda: figure_of(result), options, mark_of("exposures.csv"))
     number = compared("exposures", float(len(set(result.exposure_s))))
     return Made((picture,), (compared("exposure", *slope_percent_per_s(result)), number))
 
@@ -165,7 +164,7 @@ MODIFIED = (
     ),
     PaperFigure(
         "S1C",
-        "Working curve: depth of cure against the dose.",
+        "Working curve: depth of cure against dose.",
         ("solen resin cure data/discs/modified.csv data/discs/pristine.csv --figure s1c.pdf --letters C",),
         _cure,
     ),
