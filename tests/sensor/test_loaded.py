@@ -234,7 +234,7 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
     [
         (
             turned(ENDS.replace("receiver", "reciever")),
-            r"mount\.face = 'reciever-\*'; is not the name of a face; the faces are lens",
+            r"mount\.face = 'reciever-\*'; is not a face; the faces are lens",
         ),
         (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers no part of receiver-"),
         (
@@ -248,7 +248,7 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
         (turned(ENDS).set({"mechanics.modulus_MPa": None}), r"mechanics\.modulus_MPa; missing: .*add modulus_MPa"),
         (
             turned(ENDS).set({"mechanics.modulus_MPa": None, "material.index": None, "material.resin": "pmma"}),
-            r"mechanics\.modulus_MPa; missing: .*pmma states none",
+            r"mechanics\.modulus_MPa; missing: .*pmma has none",
         ),
     ],
 )

@@ -19,7 +19,7 @@ from solen.geometry.body import place_text
 from solen.geometry.notches import ClosedNotch
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
-from solen.mechanics.outcome import LARGE
+from solen.mechanics.outcome import MAX_FITTED_STRAIN
 from solen.progress import Progress
 from solen.ranks import Caution, warning
 from solen.results import HIDDEN, Result, reported
@@ -329,7 +329,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     """Return the warnings of several states, without duplicates."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
-    if LARGE_STRAIN < strain <= LARGE:  # above LARGE the body warns itself
+    if LARGE_STRAIN < strain <= MAX_FITTED_STRAIN:  # above MAX_FITTED_STRAIN the body warns itself
         found.append(
             warning(
                 f"strains reach {strain:.2f}: a modulus alone does not determine the "
