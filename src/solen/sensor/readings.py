@@ -93,7 +93,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
         parts=parts_used(design),
-        warnings=(*sensor.warnings, *keys_without_effect(sensor, "power"), *reasons, *found.coarse()),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor, "power"), *reasons, *found.coarse_step_warnings()),
     )
 
 

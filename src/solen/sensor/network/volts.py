@@ -15,7 +15,7 @@ from solen.readout import advise
 from solen.readout.advice import Advice, slopes_V_per_deg
 from solen.readout.cautions import cautions
 from solen.readout.circuit import Circuit, trimmer_part
-from solen.readout.readings import coarse_steps
+from solen.readout.readings import coarse_step_warnings
 from solen.recording import Provenance
 from solen.results import Result, reported
 from solen.sensor.network.motions import SURE
@@ -182,4 +182,4 @@ def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatAr
 
 def _coarse(one: MotionVolts) -> Iterator[str]:
     volts = one.signals.voltage_V.reshape(len(one.angle_deg), -1)
-    return coarse_steps(one.angle_deg, volts, "use more steps for the motion")
+    return coarse_step_warnings(one.angle_deg, volts, "use more steps for the motion")
