@@ -44,7 +44,7 @@ def turned(sensor: Sensor) -> Turned:
 
 def saturated_from_deg(sensor: Sensor) -> float | None:
     """Return the angle from the null beyond which the contrast is saturated."""
-    return sensor.smooth(sensor.power()).saturation_deg()
+    return sensor.refined(sensor.power()).saturation_deg()
 
 
 def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float, float]:
