@@ -108,7 +108,7 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     max_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
     if max_mA > part.max_current_mA:
         yield (
-            f"a load of {min(circuit.load_ohm):g} ohm allows up to {most_mA:.3g} mA, which exceeds the "
+            f"a load of {min(circuit.load_ohm):g} ohm allows up to {max_mA:.3g} mA, which exceeds the "
             f"{part.max_current_mA:g} mA that {part.name} may carry: increase the load"
         )
     if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:

@@ -62,7 +62,7 @@ class Drive:
         ratio = current_mA / part.current_ma.nominal
         scales = [ratio**end for end in ends]
         fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.nominal
-        most = math.inf if part.max_current_ma is None else part.max_current_ma.nominal
+        max_current_mA = math.inf if part.max_current_ma is None else part.max_current_ma.nominal
         return cls(
             name=part.name,
             current_mA=current_mA,
@@ -71,7 +71,7 @@ class Drive:
             max_mW=typical * high * max(scales),
             fall_per_K=fall,
             peak_nm=part.peak_nm.nominal,
-            max_current_mA=most,
+            max_current_mA=max_current_mA,
         )
 
     def power_mW(self, temperature_C: float | FloatArray = REFERENCE_C) -> FloatArray:
