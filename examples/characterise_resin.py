@@ -10,7 +10,7 @@ from solen.material.index.options import IndexOptions
 from solen.material.resin_from_results import BuildOptions
 from solen.pipeline.resin import cure, cutback, index, library, stiffness
 from solen.sensor import Sensor
-from solen.sensor.effects import off_by
+from solen.sensor.effects import with_deviations
 from solen.spec import loads, template, with_values
 
 NOISE = np.random.default_rng(5).normal
@@ -47,7 +47,7 @@ def main() -> dict[str, float]:
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
     near, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0  # degrees, beside the null
-    others = [off_by(sensor, "material.index", step).power(near).contrast for step in (-u_n, u_n)]
+    others = [with_deviations(sensor, {"material.index": step}).power(near).contrast for step in (-u_n, u_n)]
     moved = float(np.abs(np.array(others) - sensor.power(near).contrast).max())
     found = {"n": sensor.material.index, "u_n": u_n, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}

@@ -19,7 +19,7 @@ from solen.material.index.layer import index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.material.index.stack import Setup, Substrate, on_substrate
 from solen.material.index.substrate import invert_on_substrate
-from solen.readout import circuit_of, settled, volts
+from solen.readout import circuit_of, lagged, volts
 from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
 from solen.report.canvas import INK, LEFT, LINES, LOST, RIGHT, drawn, encoded, series
@@ -141,7 +141,7 @@ def ambient_light() -> Figure:
     swing = np.tanh(2.0 * np.sin(np.pi * time))[:, None] * np.array([1.0, -1.0])
     on = (time * 200.0 * (1.0 + 50e-6) - 0.3) % 1.0 < 0.5
     room = 0.6 + 0.15 * np.cos(2.0 * np.pi * 100.0 * time) + 0.4 * (time > 2.6)
-    light = settled(volts(0.25 * (1.0 + swing) * on[:, None], circuit, room), circuit, 10_000.0)
+    light = lagged(volts(0.25 * (1.0 + swing) * on[:, None], circuit, room), circuit, 10_000.0)
     read = circuit.adc.read(light + rng.normal(0.0, circuit.adc.noise_V, light.shape))
     columns = {"time": ("s", time)} | {name: ("V", values) for name, values in zip(circuit.names, read.T, strict=True)}
     channels = tuple(Channel(name, "", unit, values) for name, (unit, values) in columns.items())

@@ -14,7 +14,7 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import SolenError
 from solen.sensor import Sensor
-from solen.sensor.numbers import inert, number
+from solen.sensor.numbers import number, why_inert
 from solen.spec import with_values
 from solen.trace import Limits, Trace, trace
 from solen.trace.nets import with_rays
@@ -99,7 +99,7 @@ def by_samples(sensor: Sensor, key: str, angle_deg: float, step: float) -> tuple
 def beside(sensor: Sensor, key: str, angle_deg: float, *, trapped: bool) -> Beside | None:
     """Both derivatives; None where a number has no effect, or none on both sides."""
     try:
-        if inert(sensor, key):
+        if why_inert(sensor, key):
             return None
         found = sensor.derivative(key, angle_deg).detectors.values()
         size = max(abs(number(sensor, key)), 0.2)

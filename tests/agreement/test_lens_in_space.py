@@ -12,7 +12,7 @@ from solen.geometry import Front
 from solen.lens import GivenLayers, LayeredLens, LensInSpace, LineFocusLens, Profiles
 from solen.plane import Rigid
 from solen.scene import Monitor, Scene, dumps
-from solen.sensor import Sensor, inert
+from solen.sensor import Sensor, why_inert
 from solen.sensor.budget import budget
 from solen.sensor.numbers import number
 from solen.trace import Derivative, Trace, derivative, integrate, integrate_many, trace
@@ -208,8 +208,8 @@ def test_every_number_of_the_lens_is_a_key(lens: dict[str, object], own: dict[st
         faces = [each.lens.face for each in (base, base.set({key: value})) if isinstance(each.lens, LensInSpace)]
         one, other = ((*face[:9], len(face.edges)) for face in faces)  # its numbers, up to its deepest place
         assert one != other, key
-        assert (inert(base, key) == "") == (key != "lens.layer_mm")
-    assert inert(base, "emitter.y_mm") == ""
+        assert (why_inert(base, key) == "") == (key != "lens.layer_mm")
+    assert why_inert(base, "emitter.y_mm") == ""
     assert base.set({"emitter.y_mm": 0.2}).scene().sources[0].y_mm == 0.2  # type: ignore[attr-defined]  # a chip
 
 

@@ -35,7 +35,7 @@ from solen.bench.simulated.daq import SimulatedDaq, settling
 from solen.bench.simulated.sensors import SimulatedSensor, converter, simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, DataError
-from solen.readout import settled, volts
+from solen.readout import lagged, volts
 from solen.spec import load, template, with_values
 from solen.spec.toml import dumps
 from tests.bench.rig_support import PROTOCOL, RIG
@@ -128,7 +128,7 @@ def test_settling_is_the_lag_of_a_first_order_step_by_step() -> None:
     class Slow:
         time_constant_us = np.array([1e6 * tau_s])
 
-    stepped = settled(level[:, None], Slow(), 1e6)[-400:, 0]  # type: ignore[arg-type]  # all that it asks a circuit for
+    stepped = lagged(level[:, None], Slow(), 1e6)[-400:, 0]  # type: ignore[arg-type]  # all that it asks a circuit for
     lit = inside[-400:] < on - 1e-9
     after = np.where(lit, inside[-400:], inside[-400:] - on)[:, None]
     before = np.where(lit, period_s - on, on)[:, None]

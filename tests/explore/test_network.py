@@ -20,9 +20,9 @@ from solen.explore import (
 )
 from solen.explore.measures import measure_of
 from solen.explore.merits import shown
-from solen.sensor import Sensor, inert
-from solen.sensor.effects import as_built
-from solen.sensor.network import in_turn, network_response, network_sensitivities
+from solen.sensor import Sensor, why_inert
+from solen.sensor.effects import with_deviations
+from solen.sensor.network import emitter_sensors, network_response, network_sensitivities
 from solen.spec import Design
 from solen.spec.network import Network
 
@@ -110,8 +110,8 @@ def lens_widths(sensor: Sensor) -> list[float]:
     ],
 )
 def test_a_built_lens_is_the_drawn_one_wherever_the_emitter_stands(key: str, step: float, stays: bool) -> None:
-    for sensor in in_turn(DESIGN):
-        built = as_built(sensor, {key: step})
+    for sensor in emitter_sensors(DESIGN):
+        built = with_deviations(sensor, {key: step})
         assert (lens_widths(built) == lens_widths(sensor)) is stays
     (front,) = (face.curve for face in built.body().all_faces if face.name == "lens-second")
     assert np.hypot(*np.subtract(front.start, front.end)) == pytest.approx(2.2 if key == WIDTH else 2.0)
@@ -136,10 +136,12 @@ def test_a_search_traces_its_result_again_by_another_lattice() -> None:
 
 def test_numbers_of_a_network_vary_with_what_is_usual_of_them() -> None:
     sensor = Sensor.of(DESIGN)
-    assert not inert(sensor, "emitter.offset_mm")
-    assert not inert(sensor, "lens.focus_mm")
-    assert "its own" in inert(Sensor.of(DESIGN.set({"network.emitters[0].distance_mm": 1.0})), "emitter.distance_mm")
-    assert "network" in inert(sensor, "body.arm_width_mm")
+    assert not why_inert(sensor, "emitter.offset_mm")
+    assert not why_inert(sensor, "lens.focus_mm")
+    assert "its own" in why_inert(
+        Sensor.of(DESIGN.set({"network.emitters[0].distance_mm": 1.0})), "emitter.distance_mm"
+    )
+    assert "network" in why_inert(sensor, "body.arm_width_mm")
     vary = (f"{WIDTH}=uniform:-0.1:0.1",)
     found = tolerance(STILL, ToleranceOptions(vary=vary, prints=32, tolerance=COARSE, require=("light > 0.5*base",)))
     assert found.yields[0].share == 1.0

@@ -5,7 +5,7 @@ import pytest
 
 from solen.explore.tolerance_effects import combined_change, tolerance_effects
 from solen.sensor import Sensor, in_plane
-from solen.sensor.effects import off_by
+from solen.sensor.effects import with_deviations
 from solen.spec import loads, template
 
 
@@ -21,7 +21,9 @@ def test_changes_are_those_of_integrated_responses(sensor: Sensor) -> None:
     assert "receivers.gap_mm" not in found
     for key in ("emitter.offset_mm", "material.index"):
         own = found[key]
-        low, high = (off_by(sensor, key, sign * own.tolerance).power(own.angle_deg.tolist()) for sign in (-1, 1))
+        low, high = (
+            with_deviations(sensor, {key: sign * own.tolerance}).power(own.angle_deg.tolist()) for sign in (-1, 1)
+        )
         exact = 0.5 * (high.contrast - low.contrast)
         u = 0.5 * (high.u_contrast + low.u_contrast)
         assert (np.abs(own.contrast - exact) <= 5 * own.u_contrast + u + 1e-3).all()

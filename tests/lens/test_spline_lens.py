@@ -13,7 +13,7 @@ from solen.lens import MeasuredLens, OvalLens, SplineLens, profile_of
 from solen.lens.spline import DEFAULT_MIN_FEATURE_UM
 from solen.sensor import Sensor, check
 from solen.sensor.check import foci_of
-from solen.sensor.numbers import tolerance_of, usual_keys
+from solen.sensor.numbers import optical_keys, tolerance_of
 from solen.spec import Design, dumps, loads, value_at
 
 OVAL = OvalLens(1.0, 20.0, 2.0, 1.44)
@@ -135,7 +135,7 @@ def test_a_knot_is_a_number_of_the_design() -> None:
     assert changed == loads(dumps(changed))
     assert given.set({"lens.knots_um": [1.0, 2.0], "lens.knots_um[1]": 3.0}).lens.knots_um == (1.0, 3.0)
     sensor = Sensor.of(given)
-    assert [key for key in usual_keys(sensor) if "knots" in key] == [f"lens.knots_um[{place}]" for place in range(6)]
+    assert [key for key in optical_keys(sensor) if "knots" in key] == [f"lens.knots_um[{place}]" for place in range(6)]
     assert tolerance_of(sensor, "lens.knots_um[3]") == (2.0, False)
 
 

@@ -84,7 +84,7 @@ def test_what_rests_on_estimates_is_reported(found: dict[str, Any]) -> None:
         (("emitter.wavelength_nm=450",), "at 450 nm is 1.2 % of its specified sensitivity"),
         (("emitter.wavelength_nm=450",), "VSMY1850, which emits at 850 nm"),
         (("readout.emitter_current_ma=20",), "typical parts saturate: 0.16 V"),
-        (("readout.emitter_current_ma=1",), "the brightest parts saturate at 2000 ohm, but typical parts do not"),
+        (("readout.emitter_current_ma=1",), "the brightest parts saturate with a load of 2000 ohm"),
         (("readout.emitter_current_ma=150",), "150 mA exceeds the 100 mA that VSMY1850 may carry"),
         (("readout.load_ohm=100",), "up to 50 mA, which exceeds the 20 mA"),
         (("readout.supply_v=24",), "the supply voltage of 24 V exceeds the 20 V"),

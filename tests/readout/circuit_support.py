@@ -1,4 +1,4 @@
-"""A circuit with round numbers, and the paper's."""
+"""A circuit with round numbers, and the paper's circuit."""
 
 import math
 
@@ -12,7 +12,7 @@ FINE = Adc("fine", 24, -10.0, 10.0)
 
 
 def plain_circuit(**changes: object) -> Circuit:
-    """Two receivers on 10 mm² each: half of 1 mW makes 5 mW/cm², 2 mA, 4 V over 2 kΩ."""
+    """Circuit with two receivers of 10 mm²: half of 1 mW gives 5 mW/cm², 2 mA and 4 V across 2 kΩ."""
     values: dict[str, object] = {
         "names": ("right", "left"),
         "area_mm2": (10.0, 10.0),
@@ -35,6 +35,6 @@ def paper_circuit(**values: object) -> Circuit:
     return circuit_of(design, face_areas_mm2(design, Sensor.of(design).body()))
 
 
-def implicit_current_A(volts: float, asked_A: float, part: Phototransistor) -> float:
-    """Collector current by the transistor's own law, without a closed form."""
-    return asked_A * (1.0 - math.exp(-(volts - part.saturation_V) / part.knee_V))
+def implicit_current_A(volts: float, photocurrent_A: float, part: Phototransistor) -> float:
+    """Collector current from the model of the knee, without the closed form."""
+    return photocurrent_A * (1.0 - math.exp(-(volts - part.saturation_V) / part.knee_V))

@@ -1,4 +1,4 @@
-"""A receiver with a lens sees less of the light from the side: in readings, on the simulated bench, in a diagnosis."""
+"""A receiver with a lens detects less oblique light, in readings, on the simulated bench and in a diagnosis."""
 
 from pathlib import Path
 
@@ -70,10 +70,10 @@ inputs = {side = 2, end = 1}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("directional")
+    path = tmp_path_factory.mktemp("directional")
     for name, text in {"narrow.toml": PART, "sensor.toml": DESIGN, "rig.toml": RIG}.items():
-        (made / name).write_text(text, encoding="utf-8")
-    return made
+        (path / name).write_text(text, encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +81,14 @@ def design(folder: Path) -> Design:
     return load(folder / "sensor.toml")
 
 
-def test_a_flat_window_sees_all_light(design: Design) -> None:
+def test_flat_window_detects_all_light(design: Design) -> None:
     flat = Sensor.of(with_values(design, {"readout.part": "TEMT7100X01"}))
     assert Acceptance.of(flat).is_flat
     assert readings(flat).power_fraction[1] == pytest.approx([0.2604, 0.2604], abs=2e-4)
 
 
-def test_readings_bench_and_diagnosis_agree_on_a_part_of_20_deg(folder: Path, design: Design) -> None:
-    """At rest 0.2228 of the emitted light, where a flat window sees 0.2604."""
+def test_readings_bench_and_diagnosis_agree_for_a_half_angle_of_20_deg(folder: Path, design: Design) -> None:
+    """At rest, 0.2228 of the emitted light is detected, and 0.2604 behind a flat window."""
     sensor = Sensor.of(design)
     at_rest = readings(sensor).power_fraction[1]
     assert at_rest == pytest.approx([0.2228, 0.2228], abs=2e-4)
@@ -98,28 +98,28 @@ def test_readings_bench_and_diagnosis_agree_on_a_part_of_20_deg(folder: Path, de
     assert diagnosed == pytest.approx(at_rest, abs=2e-4)
 
 
-def test_readings_and_bench_agree_on_a_network_with_a_part_of_20_deg(folder: Path) -> None:
-    """Of 0.2 of the light through one of its faces 0.0046 is seen: as many volts by a readout as by the rig."""
+def test_readings_and_bench_agree_for_a_network(folder: Path) -> None:
+    """The readout and the rig give the same voltages, with less than a tenth of the power through a face detected."""
     design = with_values(three_guides(motion=WAYS), {"readout.part": "narrow.toml"}).in_folder(folder)
     (folder / "network.toml").write_text(NETWORK_RIG, encoding="utf-8")
     state = {"lean": 3.0, "swing": -2.0}
     moved = state_of(design, state)
     rig = traced_network(
-        load_rig(folder / "network.toml").sensor[0], design, {one: (at, at) for one, at in state.items()}
+        load_rig(folder / "network.toml").sensor[0], design, {motion: (angle, angle) for motion, angle in state.items()}
     )
-    power = network_response(design, [state])
-    known = network_signals([moved], power.power, power.u_power)
-    assert 0.0 < known.received[0, 0, 0] < 0.1 * power.power[0, 0, 0]
-    for number, emitter in enumerate((1, 0)):  # the board lights b as its first
+    response = network_response(design, [state])
+    signals = network_signals([moved], response.power, response.u_power)
+    assert 0.0 < signals.received[0, 0, 0] < 0.1 * response.power[0, 0, 0]
+    for index, emitter in enumerate((1, 0)):  # the board lights b first
         (light,) = rig.shares(np.array([[*state.values()]]), np.array([emitter]))
-        seen = volts(light, rig.circuit, moved.readout.ambient_mw_cm2, moved.readout.temperature_c)[::-1]
-        assert (known.off_V - seen)[0] > 0.01
-        assert seen == pytest.approx(known.voltage_V[0, number], rel=5e-4)
+        detected = volts(light, rig.circuit, moved.readout.ambient_mw_cm2, moved.readout.temperature_c)[::-1]
+        assert (signals.off_V - detected)[0] > 0.01
+        assert detected == pytest.approx(signals.voltage_V[0, index], rel=5e-4)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 3.0, 11.0])
-def test_a_lambertian_point_before_a_wide_directional_receiver(exponent: float) -> None:
-    """Of power that arrives as cos θ dΩ a part of cos^m sees 2/(m + 1) in space, and each half as much as the other."""
+def test_wide_directional_receivers_of_a_lambertian_point(exponent: float) -> None:
+    """Of power arriving as cos θ dΩ in space, a receiver with cos^m detects 2/(m + 1), on either side equally."""
     low, high, far = -1.0, 1.0, 1000.0
     corners = [(-far, low), (far, low), (far, high), (0.0, high), (-far, high)]
     names = ["back", "side", "right", "left", "other"]
@@ -136,17 +136,17 @@ def test_a_lambertian_point_before_a_wide_directional_receiver(exponent: float) 
 IN_SPACE = {"trace.dimension": "extruded", "emitter.pattern": "lambertian", "emitter.cone_deg": 120.0}
 
 
-def test_a_single_slab_is_seen_as_the_cylinder(design: Design) -> None:
-    """Behind a lens that is no cylinder light is sorted by what it does there."""
+def test_single_layer_has_the_factor_of_the_cylinder(design: Design) -> None:
+    """A lens of a single layer is a cylinder that is traced as a lens with a varying cross-section."""
     slab = {"lens.shape": "layered", "lens.layer_mm": 9.0}
-    one, other = (Sensor.of(with_values(design, IN_SPACE | more)) for more in ({}, slab))
-    seen = Acceptance.of(one).factors(one.scene(-0.3, 2**12))
-    assert 0.2 < seen[1] < 0.9
-    assert Acceptance.of(other).factors(other.scene(-0.3, 2**12)) == pytest.approx(seen, abs=1e-4)
+    cylinder, layer = (Sensor.of(with_values(design, IN_SPACE | values)) for values in ({}, slab))
+    detected = Acceptance.of(cylinder).factors(cylinder.scene(-0.3, 2**12))
+    assert 0.2 < detected[1] < 0.9
+    assert Acceptance.of(layer).factors(layer.scene(-0.3, 2**12)) == pytest.approx(detected, abs=1e-4)
 
 
-def test_collimated_light_of_a_point_is_seen_in_projection(design: Design) -> None:
-    """It runs level in the body, so the angles of projection are all there is."""
+def test_collimated_light_has_the_factor_of_projected_angles(design: Design) -> None:
+    """The light has no y-component in the body, so the angles of incidence equal their projections."""
     lens = {"lens.shape": "line-focus", "lens.y_focus_mm": "collimated", "emitter.width_mm": 0.0}
     sensor = Sensor.of(with_values(design, IN_SPACE | lens))
     scene, acceptance = sensor.scene(-0.3, 2**14), Acceptance.of(sensor)
@@ -155,5 +155,5 @@ def test_collimated_light_of_a_point_is_seen_in_projection(design: Design) -> No
     sine = acceptance.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
     projected = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
     powers = np.array([detectors[side].power_by_angle for side in ("right", "left")])
-    seen = angular_factor(acceptance.exponent, projected, powers)
-    assert acceptance.factors(scene) == pytest.approx(seen, rel=0.02)
+    detected = angular_factor(acceptance.exponent, projected, powers)
+    assert acceptance.factors(scene) == pytest.approx(detected, rel=0.02)

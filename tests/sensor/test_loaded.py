@@ -1,4 +1,4 @@
-"""A soft sensor under load: rigid where it moves as one, and what an independent prototype gave where not."""
+"""A soft sensor under load: rigid motions change nothing, and deformations agree with an independent prototype."""
 
 import json
 import math
@@ -11,9 +11,9 @@ from solen.curve import Spline
 from solen.errors import DesignError, SpecError
 from solen.sensor import OPTICAL_KEYS, Sensor, tolerance_of, why_not_batched
 from solen.sensor.loaded import PlaneSpread, deform, loaded_study
-from solen.sensor.numbers import inert, usual_keys
+from solen.sensor.numbers import optical_keys, why_inert
 from solen.sensor.readings import design_readings
-from solen.sensor.traced import sensitivities, trace_design, value_asked
+from solen.sensor.traced import requested_value, sensitivities, trace_design
 from solen.spec import Design, loads
 
 HEAD = """
@@ -56,8 +56,8 @@ def contrast(sensor: Sensor, value: float) -> float:
 
 
 @pytest.mark.parametrize("dimension", ["2d", pytest.param("extruded", marks=pytest.mark.evidence)])
-def test_a_body_turned_by_its_arms_alone_gives_the_light_of_the_body_at_rest(dimension: str) -> None:
-    """Mesh, solution, displaced splines and trace: all that is free follows as a rigid body."""
+def test_body_rotated_by_its_arms_has_the_light_of_the_body_at_rest(dimension: str) -> None:
+    """The free part of the body follows the clamp as a rigid body, through mesh, solution, splines and trace."""
     hold = '[[hold]]\nname = "clamp"\nface = "receiver-*"\nkind = "turning"\nabout = [1.0, 30.0]\n'
     motion = '[motion]\nkind = "loaded"\ndrives = "clamp.angle_deg"\n'
     sensor = coarse(loads(HEAD + motion + hold).set({"emitter.offset_mm": 0.03}))
@@ -68,14 +68,14 @@ def test_a_body_turned_by_its_arms_alone_gives_the_light_of_the_body_at_rest(dim
     assert state.turn_deg == pytest.approx(-2.0, abs=1e-7)
     values = []
     for value in (0.0, -2.0):
-        found = sensor.integrate(value, tolerance=1e-5 if dimension == "2d" else 1e-4)
-        right, left = (found.detectors[name].power for name in ("right", "left"))
+        trace = sensor.integrate(value, tolerance=1e-5 if dimension == "2d" else 1e-4)
+        right, left = (trace.detectors[name].power for name in ("right", "left"))
         values.append((right - left) / (right + left))
     assert values[0] < -0.2
     assert values[1] == pytest.approx(values[0], abs=1e-5 if dimension == "2d" else 2e-4)
 
 
-def test_without_a_load_the_light_is_that_of_the_rigid_sensor_at_rest() -> None:
+def test_unloaded_body_is_that_of_the_rigid_sensor() -> None:
     sensor = coarse(turned(ENDS))
     assert why_not_batched(sensor) == "a load deforms its body"
     assert sensor.body(0.0) == sensor.body()
@@ -84,7 +84,7 @@ def test_without_a_load_the_light_is_that_of_the_rigid_sensor_at_rest() -> None:
     assert (state.turn_deg, state.displaced.off_mm) == (0.0, 0.0)
 
 
-def test_a_lens_for_space_turns_in_its_clamp_and_is_refused_where_it_is_deformed() -> None:
+def test_lens_that_is_not_a_cylinder_must_not_be_deformed() -> None:
     space = {"lens.shape": "line-focus", "emitter.pattern": "lambertian", "trace.dimension": "extruded"}
     front = coarse(turned(ENDS).set(space)).body(-3.0).front
     assert front is not None
@@ -93,15 +93,15 @@ def test_a_lens_for_space_turns_in_its_clamp_and_is_refused_where_it_is_deformed
         coarse(pressed(FORK, values="[0.5]").set({**space, "press[0].at_mm": 1.0})).body(0.5)
 
 
-def test_a_study_holds_forces_and_the_rigid_answer() -> None:
+def test_study_has_reactions_and_the_rigid_response() -> None:
     study = loaded_study(coarse(turned(ENDS)))
     assert study.contrast == pytest.approx([0.757, 0.0, -0.757], abs=0.01)
     assert study.rigid_contrast == pytest.approx([0.895, 0.0, -0.895], abs=0.002)
     assert study.turn_deg == pytest.approx([-3.0, 0.0, 3.0], abs=1e-9)
     assert study.moment_Nmm is not None
     assert study.moment_Nmm == pytest.approx([-0.58, 0.0, 0.58], abs=0.03)
-    for row in study.reactions:
-        assert np.sum([one.force_N for one in row], axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
+    for reactions in study.reactions:
+        assert np.sum([reaction.force_N for reaction in reactions], axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert study.planes is not None
     assert study.planes.apart == pytest.approx(0.0, abs=0.01)
     assert (study.force_N, study.depth_mm) == (None, None)
@@ -110,51 +110,51 @@ def test_a_study_holds_forces_and_the_rigid_answer() -> None:
     assert data["simulated"]
 
 
-def test_a_press_is_read_in_mm_and_newtons() -> None:
+def test_press_by_force_reproduces_the_press_by_depth() -> None:
     by_depth = coarse(pressed(FORK + LENS))
     state = deform(by_depth)
-    (touch,) = state.contacts
+    (contact,) = state.contacts
     assert (state.angle_deg, state.depth_mm, state.force_N) == (None, 0.5, None)
-    assert touch.face == "stem-right"
-    by_force = coarse(pressed(FORK + LENS, key="force_N", values=f"[{touch.force_N}]"))
-    (same,) = deform(by_force).contacts
-    assert same.depth_mm == pytest.approx(0.5, rel=2e-3)  # of another mesh where it touches
+    assert contact.face == "stem-right"
+    by_force = coarse(pressed(FORK + LENS, key="force_N", values=f"[{contact.force_N}]"))
+    (contact_by_force,) = deform(by_force).contacts
+    assert contact_by_force.depth_mm == pytest.approx(0.5, rel=2e-3)  # the meshes differ at the contact
 
 
-def test_a_finger_that_is_not_dry_is_a_wall_where_it_touches() -> None:
-    """Without a lens light fills the stem and meets the finger."""
+def test_finger_with_an_index_is_a_wall_of_the_contact() -> None:
+    """Without a lens, light fills the stem and enters the finger."""
     fingers = ("", "index = 1.44\nabsorption_per_mm = 50\n")
-    dry, damp = (coarse(pressed(ENDS + LENS, finger).set({"lens.shape": "none"})) for finger in fingers)
-    (touch,) = deform(damp).contacts
-    scene = damp.scene(0.5)
+    dry, wet = (coarse(pressed(ENDS + LENS, finger).set({"lens.shape": "none"})) for finger in fingers)
+    (contact,) = deform(wet).contacts
+    scene = wet.scene(0.5)
     touched = [interface for interface in scene.interfaces if interface.right == "finger"]
     assert [interface.name for interface in touched] == ["stem-right.2"]
-    whole = damp.body().face("stem-right").curve
+    face = wet.body().face("stem-right").curve
     ends = np.array([touched[0].curve.start, touched[0].curve.end])
-    rest = whole.points(np.array([touch.u_from, touch.u_to]))
+    rest = face.points(np.array([contact.u_from, contact.u_to]))
     assert np.linalg.norm(np.diff(ends, axis=0)) == pytest.approx(np.linalg.norm(np.diff(rest, axis=0)), rel=0.05)
-    lights = [sensor.integrate(0.5, tolerance=3e-3) for sensor in (dry, damp)]
-    powers = [sum(one.power for one in light.detectors.values()) for light in lights]
+    lights = [sensor.integrate(0.5, tolerance=3e-3) for sensor in (dry, wet)]
+    powers = [sum(detector.power for detector in light.detectors.values()) for light in lights]
     assert powers[1] < powers[0] - 0.02
     assert lights[1].ledger.absorbed > lights[0].ledger.absorbed + 0.02
-    assert [i.name for i in damp.scene(0.0).interfaces if i.right == "finger"] == []
+    assert [i.name for i in wet.scene(0.0).interfaces if i.right == "finger"] == []
 
 
 WALL = '[[wall]]\nface = "stem-*"\n'
-DAMP = "index = 1.40\nabsorption_per_mm = 50\n"
+WET = "index = 1.40\nabsorption_per_mm = 50\n"
 
 
 @pytest.mark.parametrize("finish", ["mirror", "black"])
-def test_light_does_not_reach_a_finger_behind_a_mirror_or_black(finish: str) -> None:
-    """A damp finger leaves the wall what a dry one leaves it."""
+def test_light_does_not_enter_a_finger_behind_a_mirror_or_a_black_wall(finish: str) -> None:
+    """The wall is the same under a finger with an index and under a dry finger."""
     wall = f'{WALL}finish = "{finish}"\n'
-    dry, damp = (coarse(pressed(ENDS + LENS + wall, finger)).scene(0.5).interfaces for finger in ("", DAMP))
-    assert [i.right for i in damp] == [i.right for i in dry]
-    assert {i.behaviour for i in damp if i.name.startswith("stem")} == {i.behaviour for i in dry if "stem" in i.name}
-    assert "refracting" not in {i.behaviour for i in damp if i.name.startswith("stem")}
+    dry, wet = (coarse(pressed(ENDS + LENS + wall, finger)).scene(0.5).interfaces for finger in ("", WET))
+    assert [i.right for i in wet] == [i.right for i in dry]
+    assert {i.behaviour for i in wet if i.name.startswith("stem")} == {i.behaviour for i in dry if "stem" in i.name}
+    assert "refracting" not in {i.behaviour for i in wet if i.name.startswith("stem")}
 
 
-def test_a_drawn_mirror_stays_one_under_a_damp_finger(tmp_path: Path) -> None:
+def test_drawn_mirror_remains_a_mirror_under_a_finger(tmp_path: Path) -> None:
     corners = ((0.0, 0.0), (4.0, 0.0), (4.0, 10.0), (2.0, 10.0), (0.0, 10.0))
     names = ("base", "mirror", "receiver-right", "receiver-left", "side")
     segments = zip(names, corners, (*corners[1:], corners[0]), strict=True)
@@ -162,33 +162,33 @@ def test_a_drawn_mirror_stays_one_under_a_damp_finger(tmp_path: Path) -> None:
     drawing = {"solen_outline": 1, "faces": faces, "emitters": [{"point": [2.0, -1.0], "width_mm": 0.3}]}
     file = tmp_path / "block.json"
     file.write_text(json.dumps(drawing), encoding="utf-8")
-    made = pressed('[[hold]]\nname = "back"\nface = "side"\n', DAMP, "[0, 0.1]")
-    made = made.set({"press[0].face": "mirror", "press[0].at_mm": 5.0, "motion.emitter_on": "base"})
-    tables = made.model_dump(exclude_unset=True) | {"body": {"kind": "outline", "file": str(file)}}
+    block_design = pressed('[[hold]]\nname = "back"\nface = "side"\n', WET, "[0, 0.1]")
+    block_design = block_design.set({"press[0].face": "mirror", "press[0].at_mm": 5.0, "motion.emitter_on": "base"})
+    tables = block_design.model_dump(exclude_unset=True) | {"body": {"kind": "outline", "file": str(file)}}
     tables["emitter"] = {}
     interfaces = coarse(Design.model_validate(tables)).scene(0.1).interfaces
     assert {i.behaviour for i in interfaces if i.name.startswith("mirror")} == {"mirror"}
     assert "finger" not in {i.right for i in interfaces}
 
 
-def test_a_wall_keeps_its_coating_and_scatter_under_a_damp_finger() -> None:
-    kept = 'scatter = "gaussian"\nsigma = 0.1\ncoating = [{index = 1.38, thickness_nm = 150}]\n'
-    scene = coarse(pressed(ENDS + LENS + WALL + kept, DAMP)).scene(0.5)
-    (touched,) = [one for one in scene.interfaces if one.right == "finger"]
-    (beside, *_) = [one for one in scene.interfaces if one.name == "stem-left"]
-    assert touched.surface == beside.surface
+def test_wall_keeps_its_coating_and_scatter_under_a_finger() -> None:
+    wall_keys = 'scatter = "gaussian"\nsigma = 0.1\ncoating = [{index = 1.38, thickness_nm = 150}]\n'
+    scene = coarse(pressed(ENDS + LENS + WALL + wall_keys, WET)).scene(0.5)
+    (touched,) = [interface for interface in scene.interfaces if interface.right == "finger"]
+    (untouched, *_) = [interface for interface in scene.interfaces if interface.name == "stem-left"]
+    assert touched.surface == untouched.surface
     assert touched.surface is not None
     assert touched.surface.coating is not None
 
 
-def test_a_damp_finger_on_what_lies_on_a_wall_is_refused() -> None:
-    glued = f'{WALL}outside = "tape"\nindex = 1.5\n'
-    with pytest.raises(DesignError, match=r'finger\.index = 1\.4; touches stem-right.*wall\[0\].*"tape"'):
-        coarse(pressed(ENDS + LENS + glued, DAMP)).loaded.state(0.5)
-    coarse(pressed(ENDS + LENS + glued)).loaded.state(0.5)
+def test_refuses_a_finger_with_an_index_on_a_covered_wall() -> None:
+    tape = f'{WALL}outside = "tape"\nindex = 1.5\n'
+    with pytest.raises(DesignError, match=r'finger\.index = 1\.4; .*stem-right.*wall\[0\].*"tape"'):
+        coarse(pressed(ENDS + LENS + tape, WET)).loaded.state(0.5)
+    coarse(pressed(ENDS + LENS + tape)).loaded.state(0.5)
 
 
-def test_the_rigid_lens_turns_with_the_lens_where_the_emitter_stands_still() -> None:
+def test_rigid_lens_rotates_with_the_lens_if_the_emitter_is_stationary() -> None:
     study = loaded_study(coarse(turned(ENDS).set({"motion.emitter_on": "ground", "motion.to_deg": 0.0})))
     assert list(study.turn_deg) == [0.0, 0.0]
     assert study.lens_turn_deg == pytest.approx([-3.0, 0.0], abs=1e-9)
@@ -198,27 +198,27 @@ def test_the_rigid_lens_turns_with_the_lens_where_the_emitter_stands_still() -> 
     assert abs(study.rigid_contrast[0]) > 0.05
 
 
-def test_the_thickness_matters_in_the_plane_where_a_force_spreads_over_it() -> None:
-    assert inert(coarse(pressed(ENDS + LENS, key="force_N")), "body.thickness_mm") == ""
-    assert inert(Sensor.of(Design(name="x", material={"index": 1.44})), "body.thickness_mm")
+def test_thickness_has_an_effect_in_the_plane_with_a_force() -> None:
+    assert why_inert(coarse(pressed(ENDS + LENS, key="force_N")), "body.thickness_mm") == ""
+    assert why_inert(Sensor.of(Design(name="x", material={"index": 1.44})), "body.thickness_mm")
 
 
-def test_planes_are_compared_where_both_have_light() -> None:
+def test_plane_models_are_compared_at_values_with_light() -> None:
     dark = np.full(2, np.nan)
-    half = PlaneSpread(np.arange(2.0), np.array([0.5, np.nan]), np.array([0.25, 0.0]))
-    assert half.apart == 0.25
+    partly_dark = PlaneSpread(np.arange(2.0), np.array([0.5, np.nan]), np.array([0.25, 0.0]))
+    assert partly_dark.apart == 0.25
     assert PlaneSpread(np.arange(2.0), dark, np.zeros(2)).apart is None
 
 
-def test_the_numbers_of_holds_and_fingers_are_usual_ones() -> None:
+def test_numbers_of_holds_and_fingers_have_tolerances() -> None:
     sensor = coarse(pressed(ENDS + "from_mm = 0.5\n" + LENS))
-    keys = set(usual_keys(sensor)) - set(OPTICAL_KEYS)
+    keys = set(optical_keys(sensor)) - set(OPTICAL_KEYS)
     assert keys == {"hold[0].from_mm", "press[0].at_mm", "press[0].radius_mm", "mechanics.modulus_MPa"}
     assert {tolerance_of(sensor, key)[0] for key in keys} == {0.5, 0.1 * 3.0}
 
 
 @pytest.mark.evidence
-def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
+def test_numbers_of_holds_and_fingers_have_derivatives() -> None:
     sensor = coarse(turned(ENDS.replace("receiver-*", "outer-*") + "from_mm = 12.0\n"))
     rows = sensitivities(sensor, ["hold[0].from_mm", "emitter.offset_mm"], -1.0).sensitivities
     slopes = {row.key: row.contrast for row in rows}
@@ -230,11 +230,11 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
 
 
 @pytest.mark.parametrize(
-    ("design", "says"),
+    ("design", "message"),
     [
         (
             turned(ENDS.replace("receiver", "reciever")),
-            r"mount\.face = 'reciever-\*'; is not the name of a face; the faces are lens",
+            r"mount\.face = 'reciever-\*'; is not a face; the faces are lens",
         ),
         (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers no part of receiver-"),
         (
@@ -248,44 +248,42 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
         (turned(ENDS).set({"mechanics.modulus_MPa": None}), r"mechanics\.modulus_MPa; missing: .*add modulus_MPa"),
         (
             turned(ENDS).set({"mechanics.modulus_MPa": None, "material.index": None, "material.resin": "pmma"}),
-            r"mechanics\.modulus_MPa; missing: .*pmma states none",
+            r"mechanics\.modulus_MPa; missing: .*pmma has none",
         ),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(design: Design, says: str) -> None:
-    with pytest.raises((DesignError, SpecError), match=says) as caught:
+def test_refuses_invalid_loaded_designs_in_one_line(design: Design, message: str) -> None:
+    with pytest.raises((DesignError, SpecError), match=message) as error:
         coarse(design).check()
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(error.value)
 
 
-def test_a_rigid_design_has_no_soft_body() -> None:
-    with pytest.raises(DesignError, match=r"motion\.kind = 'rotation'; is no load"):
+def test_refuses_a_rigid_design() -> None:
+    with pytest.raises(DesignError, match=r"motion\.kind = 'rotation'; is not a load"):
         deform(Sensor.of(Design(name="x", material={"index": 1.44})))
 
 
-def test_what_reads_angles_refuses_a_depth() -> None:
-    """A depth must never stand in a column of degrees."""
+def test_functions_of_angles_refuse_a_depth() -> None:
+    """A depth must never appear in a column of degrees."""
     sensor = coarse(pressed(FORK + LENS))
-    for ask in (sensor.power, sensor.count, sensor.design.motion.angles_deg, lambda: design_readings(sensor)):
+    for call in (sensor.power, sensor.count, sensor.design.motion.angles_deg, lambda: design_readings(sensor)):
         with pytest.raises(
             SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is not an angle, which this command needs"
         ):
-            ask()
+            call()
     with pytest.raises(SpecError, match=r"motion\.from_deg"):
         sensor.set({"motion.from_deg": -1.0})
 
 
-def test_values_are_asked_for_in_their_own_unit() -> None:
+def test_options_of_the_driven_quantity_depend_on_its_unit() -> None:
     soft, rigid = coarse(pressed(FORK + LENS)), Sensor.of(Design(name="x", material={"index": 1.44}))
-    assert (value_asked(soft, None, None), value_asked(soft, None, 0.2), value_asked(rigid, None, None)) == (
-        0.5,
-        0.2,
-        0,
-    )
+    assert requested_value(soft, None, None) == 0.5
+    assert requested_value(soft, None, 0.2) == 0.2
+    assert requested_value(rigid, None, None) == 0.0
     with pytest.raises(SpecError, match=r"--angle-deg = 1\.0; does not apply: the motion drives finger\.depth_mm"):
-        value_asked(soft, 1.0, None)
+        requested_value(soft, 1.0, None)
     with pytest.raises(SpecError, match=r"--at = 1\.0; does not apply with motion\.kind"):
-        value_asked(rigid, None, 1.0)
+        requested_value(rigid, None, 1.0)
     for value in (math.nan, math.inf):
         with pytest.raises(SpecError, match="--at"):
             trace_design(soft, value)
@@ -293,7 +291,7 @@ def test_values_are_asked_for_in_their_own_unit() -> None:
 
 @pytest.mark.evidence
 @pytest.mark.parametrize(
-    ("holds", "about", "at_1", "at_3", "within"),
+    ("holds", "about", "at_1", "at_3", "tolerance"),
     [
         (FORK, "stem-base", 0.486, 0.896, 0.002),
         (FORK, "emitter", 0.543, 0.951, 0.002),
@@ -305,19 +303,17 @@ def test_values_are_asked_for_in_their_own_unit() -> None:
         (ENDS + GRIP, "emitter", 0.351, 0.760, 0.001),
     ],
 )
-def test_how_the_body_is_held_decides_the_contrast(
-    holds: str, about: str, at_1: float, at_3: float, within: float
-) -> None:
-    """An independent prototype gave these, its grip said to be of 2 mm; halving the mesh moves none by 0.002."""
+def test_supports_determine_the_contrast(holds: str, about: str, at_1: float, at_3: float, tolerance: float) -> None:
+    """The expected values are from an independent prototype; halving the mesh changes none by more than 0.002."""
     sensor, finer = Sensor.of(turned(holds, about)), Sensor.of(turned(holds, about, ", mesh_mm = 0.4"))
     for angle_deg, expected in ((-1.0, at_1), (-3.0, at_3)):
-        assert contrast(sensor, angle_deg) == pytest.approx(expected, abs=within)
+        assert contrast(sensor, angle_deg) == pytest.approx(expected, abs=tolerance)
         assert contrast(finer, angle_deg) == pytest.approx(contrast(sensor, angle_deg), abs=0.002)
 
 
 @pytest.mark.evidence
-def test_a_press_at_the_side_of_a_body_held_by_its_outer_edges() -> None:
-    """Prototype: contrast +.015, R .264, L .257, 1.3 N; with the arms' ends held alone +.790."""
+def test_press_at_the_side_of_a_body_held_by_its_outer_edges() -> None:
+    """The prototype gave a contrast of 0.015 at 1.3 N, and 0.790 with only the ends of the arms held."""
     sensor = Sensor.of(pressed(FORK + LENS))
     right, left = (sensor.integrate(0.5).detectors[name].power for name in ("right", "left"))
     assert (right - left) / (right + left) == pytest.approx(0.015, abs=0.005)
@@ -328,29 +324,29 @@ def test_a_press_at_the_side_of_a_body_held_by_its_outer_edges() -> None:
 
 @pytest.mark.evidence
 @pytest.mark.parametrize(
-    ("plane", "moved", "force_N"),
+    ("plane", "expected_contrast", "force_N"),
     [("strain", pytest.approx(-0.066, abs=0.02), 8.7), ("stress", pytest.approx(-0.019, abs=0.002), 5.2)],
 )
-def test_a_press_against_a_support_closes_the_crotch(plane: str, moved: object, force_N: float) -> None:
-    """Prototype, plane strain: -.066. At one depth the planes differ threefold; in plane strain the crotch closes."""
+def test_press_against_a_support_closes_the_crotch(plane: str, expected_contrast: object, force_N: float) -> None:
+    """The prototype gave -0.066 in plane strain, in which the crotch closes; plane stress gives a third of it."""
     sensor = Sensor.of(pressed(FORK + LENS, 'backing = "stem-left"\n').set({"mechanics.plane": plane}))
-    found = deform(sensor)
-    assert contrast(sensor, 0.5) == moved
-    assert found.contacts[0].force_N == pytest.approx(force_N, abs=0.1)
-    closes = [text for text in found.warnings if "inner-right and inner-left close their notch" in text]
-    assert len(closes) == (plane == "strain")
+    deformation = deform(sensor)
+    assert contrast(sensor, 0.5) == expected_contrast
+    assert deformation.contacts[0].force_N == pytest.approx(force_N, abs=0.1)
+    notch_warnings = [text for text in deformation.warnings if "inner-right and inner-left close the notch" in text]
+    assert len(notch_warnings) == (plane == "strain")
     with pytest.raises(DesignError, match=r"intersects itself.*z = 1[78]\..*inner-right and inner-left"):
         deform(Sensor.of(sensor.design.set({"mechanics.plane": "strain", "motion.depths_mm": [0.8]})))
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize(
-    ("hold", "radius_mm", "turn_deg", "light"),
+    ("hold", "radius_mm", "turn_deg", "expected_contrast"),
     [("", 4, 2.96, 0.376), ("from_mm = 7.4\n", 4, 2.28, 0.187), ("from_mm = 7.4\n", 12, 2.28, 0.174)],
 )
-def test_a_finger_at_the_tip(hold: str, radius_mm: float, turn_deg: float, light: float) -> None:
-    """Prototype: 2.28° and .174, both of which a body has that is held 7.4 mm beyond its fork and not nearer to it."""
-    free = pressed(FORK + hold).set({"press[0].at_mm": 2.189, "press[0].radius_mm": radius_mm})
-    sensor = Sensor.of(free)
+def test_finger_at_the_tip(hold: str, radius_mm: float, turn_deg: float, expected_contrast: float) -> None:
+    """The prototype gave 2.28° and 0.174, as for a body held from 7.4 mm beyond its fork on."""
+    design = pressed(FORK + hold).set({"press[0].at_mm": 2.189, "press[0].radius_mm": radius_mm})
+    sensor = Sensor.of(design)
     assert deform(sensor).turn_deg == pytest.approx(-turn_deg, abs=0.01)
-    assert contrast(sensor, 0.5) == pytest.approx(light, abs=0.005)
+    assert contrast(sensor, 0.5) == pytest.approx(expected_contrast, abs=0.005)

@@ -8,19 +8,19 @@ from solen.sensor import precompile
 from solen.trace.kernel.compiled import cache_folder
 
 
-def test_only_parts_of_which_nothing_is_kept_are_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiles_only_parts_missing_in_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(precompile, "cache_folder", lambda: tmp_path)
     assert len(precompile.parts_to_compile()) == 2
     (tmp_path / "adapt.integrate_cone-74.py311.1.nbc").touch()
-    (left,) = precompile.parts_to_compile()
-    assert "layered" in left
+    (remaining,) = precompile.parts_to_compile()
+    assert "layered" in remaining
     monkeypatch.setattr(precompile, "cache_folder", lambda: None)
     assert precompile.parts_to_compile() == []
 
 
 @pytest.mark.parametrize("function", precompile.PARTS)
-def test_a_program_leaves_its_function_in_the_cache(function: str) -> None:
-    """Run here, where the function may be kept already: a renamed one would never be found."""
+def test_program_stores_its_function_in_the_cache(function: str) -> None:
+    """The function may be in the cache already; the test fails if it is renamed."""
     name, values = precompile.PARTS[function]
     exec(precompile.PROGRAM.format(name=name, values=values), {})  # noqa: S102
     folder = cache_folder()

@@ -1,4 +1,4 @@
-"""Keys without effect: told exactly where a trace gives the same numbers with and without them."""
+"""Keys without effect are reported exactly if a trace gives the same powers without them."""
 
 from typing import Any
 
@@ -17,9 +17,9 @@ def coated(index: float, thickness_nm: float) -> dict[str, Any]:
     return {"wall": [{"face": "outer-*", "coating": [film]}]}
 
 
-def touched(gap_um: float | None, **more: Any) -> dict[str, Any]:
+def with_contact(gap_um: float | None, **keys: Any) -> dict[str, Any]:
     gap = {} if gap_um is None else {"gap_um": gap_um}
-    return {"wall": [{"face": "outer-left", "outside": "skin", "index": 1.42, **gap, **more}]}
+    return {"wall": [{"face": "outer-left", "outside": "skin", "index": 1.42, **gap, **keys}]}
 
 
 SPACE = {"trace": {"dimension": "extruded"}, "emitter": LAMBERTIAN}
@@ -28,7 +28,12 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], Mode, str]] = [
     ({"receivers": {"height_mm": 1.0}}, {}, "count", "receivers.height_mm = 1 "),
     ({"emitter": LAMBERTIAN | {"height_mm": 0.3}}, FLAT, "power", "emitter.height_mm = 0.3 "),
     ({"material": {"index": 1.44, "absorption_per_mm": 0.1}}, {}, "count", "material.absorption_per_mm = 0.1 "),
-    (touched(None, absorption_per_mm=3.0, beyond="air"), touched(None, beyond="air"), "count", "wall[0].absorption"),
+    (
+        with_contact(None, absorption_per_mm=3.0, beyond="air"),
+        with_contact(None, beyond="air"),
+        "count",
+        "wall[0].absorption",
+    ),
     (
         {"wall": [{"face": "outer-*", "finish": "mirror", "reflectance": 0.5}]},
         {"wall": [{"face": "outer-*", "finish": "mirror"}]},
@@ -37,48 +42,44 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], Mode, str]] = [
     ),
     (coated(1.0, 400.0), {}, "count", "wall[0].coating "),
     (coated(1.6, 4000.0), {}, "count", "wall[0].coating "),
-    (touched(0.5), touched(None), "count", "wall[0].gap_um "),
+    (with_contact(0.5), with_contact(None), "count", "wall[0].gap_um "),
 ]
-ACTING: list[tuple[dict[str, Any], dict[str, Any], Mode]] = [
+EFFECTIVE: list[tuple[dict[str, Any], dict[str, Any], Mode]] = [
     (SPACE | {"receivers": {"height_mm": 1.0}}, SPACE, "count"),
     (SPACE | {"emitter": LAMBERTIAN | {"height_mm": 3.0}}, SPACE, "power"),
     ({"material": {"index": 1.44, "absorption_per_mm": 0.1}}, {}, "power"),
     (coated(1.6, 400.0), {}, "power"),
-    (touched(5.0), touched(None), "count"),
-    (touched(0.5), touched(None), "power"),
+    (with_contact(5.0), with_contact(None), "count"),
+    (with_contact(0.5), with_contact(None), "power"),
 ]
 
 
-def test_the_walls_of_these_cases_are_met() -> None:
-    """Else no key of theirs could change anything."""
+def test_light_reaches_the_walls_of_these_cases() -> None:
+    """Otherwise, no key of the walls could have an effect."""
     black: dict[str, Any] = {"wall": [{"face": "outer-*", "finish": "black"}]}
-    assert traced(black, "count") != traced({}, "count") != traced(touched(None), "count")
+    assert traced(black, "count") != traced({}, "count") != traced(with_contact(None), "count")
 
 
 def traced(tables: dict[str, Any], mode: Mode) -> dict[str, float]:
-    found = Sensor.of(Design.model_validate(PAPER | tables)).trace(1.0, mode, 1000)
-    return {name: one.power for name, one in found.detectors.items()}
+    trace = Sensor.of(Design.model_validate(PAPER | tables)).trace(1.0, mode, 1000)
+    return {name: detector.power for name, detector in trace.detectors.items()}
 
 
-@pytest.mark.parametrize(("tables", "without", "mode", "told"), CASES, ids=[told for *_, told in CASES])
-def test_a_key_that_is_reported_changes_nothing(
-    tables: dict[str, Any], without: dict[str, Any], mode: Mode, told: str
-) -> None:
+@pytest.mark.parametrize(("tables", "without", "mode", "start"), CASES, ids=[start for *_, start in CASES])
+def test_reported_key_changes_no_power(tables: dict[str, Any], without: dict[str, Any], mode: Mode, start: str) -> None:
     (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode)
-    assert sentence.startswith(told)
+    assert sentence.startswith(start)
     assert "has no effect in" in sentence
     assert traced(tables, mode) == traced(without, mode)
 
 
-@pytest.mark.parametrize(("tables", "without", "mode"), ACTING)
-def test_a_key_that_changes_something_is_not_reported_of(
-    tables: dict[str, Any], without: dict[str, Any], mode: Mode
-) -> None:
+@pytest.mark.parametrize(("tables", "without", "mode"), EFFECTIVE)
+def test_key_with_an_effect_is_not_reported(tables: dict[str, Any], without: dict[str, Any], mode: Mode) -> None:
     assert keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode) == ()
     assert traced(tables, mode) != traced(without, mode)
 
 
-def test_a_ripple_across_is_reported_in_the_plane_alone() -> None:
+def test_texture_across_is_reported_only_in_the_plane() -> None:
     wall = {"face": "outer-*", "texture_pitch_um": 50.0, "texture_amplitude_um": 1.0, "texture_direction": "across"}
     (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]})))
     assert sentence.startswith('wall[0].texture_direction = "across" has no effect in the plane')

@@ -19,8 +19,8 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.source import with_resin
 from solen.parts import EmitterPart, library_part, load_part
 from solen.sensor import Sensor
-from solen.sensor.effects import as_built
-from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
+from solen.sensor.effects import with_deviations
+from solen.sensor.numbers import MATERIAL_KEYS, number, optical_keys, tolerance_of, why_inert
 
 USUAL = "usual"
 """Text that stands for all variations that are not stated."""
@@ -110,13 +110,13 @@ def _is_absent(sensor: Sensor, key: str) -> bool:
         number(sensor, key)
     except SpecError:
         return True
-    return bool(inert(sensor, key))
+    return bool(why_inert(sensor, key))
 
 
 def usual_variations(sensor: Sensor, known: set[str]) -> Iterator[Variation]:
     """Return variations of the numbers that affect the light and are uncertain: by part, resin or tolerance."""
-    for key in usual_keys(sensor):
-        if key in known or (key not in OF_THE_MATERIAL and inert(sensor, key)):
+    for key in optical_keys(sensor):
+        if key in known or (key not in MATERIAL_KEYS and why_inert(sensor, key)):
             continue
         yield _of_part(sensor, key) or _of_tolerance(sensor, key)
 
@@ -148,7 +148,7 @@ def _of_tolerance(sensor: Sensor, key: str) -> Variation:
 def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
     """Return whether a number may deviate by a step; an absorption, for example, is not negative."""
     try:
-        as_built(sensor, {key: step})
+        with_deviations(sensor, {key: step})
     except (SpecError, DesignError):
         return False
     return True

@@ -15,7 +15,7 @@ from solen.errors import DesignError
 from solen.explore.merits import MIN_ANGLES, Merits, merits_of, worst_resolution_deg
 from solen.results import Result
 from solen.sensor import Response, Sensor, respond, why_not_batched
-from solen.sensor.practice import MAX_ANGLES, MOVED, spread
+from solen.sensor.practice import MAX_ANGLES, MIN_CONTRAST_CHANGE, subsample
 from solen.sensor.readings import readings_from
 from solen.sensor.response import shift
 
@@ -65,7 +65,7 @@ def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
     sensor.check_pair()
     if why_not_batched(sensor):
         return None
-    response = batched_response(sensor, spread(sensor.design.motion.angles_deg(), MAX_ANGLES), rays)
+    response = batched_response(sensor, subsample(sensor.design.motion.angles_deg(), MAX_ANGLES), rays)
     return curve_of(sensor, response, rays, finished=False)
 
 
@@ -100,7 +100,7 @@ def largest_u(response: Response) -> float:
 def misleading(plane: Response, space: Response) -> str:
     """Describe the error of the planar model in words; empty if plane and space agree."""
     found = shift(plane, space)
-    if found is None or found.contrast - found.u_contrast <= MOVED:
+    if found is None or found.contrast - found.u_contrast <= MIN_CONTRAST_CHANGE:
         return ""
     words = (
         f"The plane is misleading here: its contrast differs by up to {found.contrast:.2f} ± {found.u_contrast:.1g} "
@@ -119,7 +119,7 @@ def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
         if stop():
             raise Stopped
         part = batched_response(sensor, angles, rays)
-        found = part if found is None else found.joined(part)
+        found = part if found is None else found.merged(part)
     if found is None:
         raise AssertionError("a motion has angles")
     return found

@@ -1,9 +1,9 @@
 """Merits of a network: the response of readings to motions, the light of each channel, and the resolution of motions.
 
-A network is traced in the states of `solen.sensor.network.courses`, which vary each motion over its range while the
-others are at rest, and in states on either side of rest, which determine the resolution of all motions. A reading has a
-slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its unit, with _
-in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
+A network is traced in the states of `solen.sensor.network.motion_states`, which vary each motion over its range while
+the others are at rest, and in states on either side of rest, which determine the resolution of all motions. A reading
+has a slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its unit,
+with _ in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
 
 `network_point` traces a network; `NetworkMerits` computes its merits.
 """
@@ -24,12 +24,12 @@ from solen.errors import DesignError, SpecError
 from solen.explore.merits import CHANNEL, COARSE_SHARE, every_second
 from solen.explore.monotone import monotone_deg
 from solen.explore.store import Accuracy, Point, Variant
-from solen.sensor.effects import as_built
+from solen.sensor.effects import with_deviations
 from solen.sensor.network import (
-    USUAL_TOLERANCE,
+    DEFAULT_TOLERANCE,
     NetworkResponse,
-    courses,
     determined,
+    motion_states,
     network_response,
     network_signals,
 )
@@ -54,12 +54,12 @@ class _Beside(NamedTuple):
 
 def network_point(variant: Variant, accuracy: Accuracy) -> Point:
     """Return the powers of a network in the states of its motions; raises the errors of `network_response`."""
-    tolerance = accuracy.tolerance or USUAL_TOLERANCE
+    tolerance = accuracy.tolerance or DEFAULT_TOLERANCE
     found = network_response(
         variant.design,
         states_of(variant.design.network)[0],
         tolerance,
-        built=partial(as_built, steps=variant.off) if variant.off else None,
+        built=partial(with_deviations, steps=variant.off) if variant.off else None,
         lattice=accuracy.lattice,
     )
     power, u_power = (each.reshape(len(each), -1) for each in (found.power, found.u_power))
@@ -87,8 +87,8 @@ def _sds(design: Design, found: NetworkResponse) -> FloatArray:
 
 
 def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]], list[_Beside]]:
-    """Return the states to be traced, and the indices of those of `courses` and of those on either side of rest."""
-    states, places = courses(network)
+    """Return the states to be traced, the indices of `motion_states`, and those of states on either side of rest."""
+    states, places = motion_states(network)
     beside = []
     for motion in network.motion:
         step = SLOPE_SHARE * (motion.to_deg - motion.from_deg)

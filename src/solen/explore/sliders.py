@@ -14,7 +14,7 @@ from solen.explore.live import GOAL, Curve, batched_response, curve_of, largest_
 from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Picture, Sensor, in_plane, picture, why_not_batched
-from solen.sensor.practice import MAX_ANGLES, spread
+from solen.sensor.practice import MAX_ANGLES, subsample
 from solen.spec import Design
 from solen.spec.strict import Options
 
@@ -134,7 +134,7 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
         keys=tuple(one.key for one in axes),
         values=tuple(one.values for one in axes),
         in_space=design.trace.dimension == "extruded",
-        angle_deg=np.array(spread(design.motion.values(), MAX_ANGLES)),
+        angle_deg=np.array(subsample(design.motion.values(), MAX_ANGLES)),
         points=tuple(found),
     )
 
@@ -167,7 +167,7 @@ def _usual(design: Design) -> list[Axis]:
 
 
 def _point(sensor: Sensor, rays: int, progress: Progress) -> Slid:
-    angles = spread(sensor.design.motion.values(), MAX_ANGLES)
+    angles = subsample(sensor.design.motion.values(), MAX_ANGLES)
     curve, flat = _curve(sensor, angles, progress), in_plane(sensor)
     words = ""
     if curve.in_space and not why_not_batched(flat):

@@ -30,7 +30,7 @@ from solen.explore.printed_lens import as_printed
 from solen.fabricate.process import Settings
 from solen.registry import BODY_KINDS, FINISHES, plugin_entries
 from solen.sensor import Response, Sensor
-from solen.sensor.effects import as_built
+from solen.sensor.effects import with_deviations
 from solen.spec import Design, dumps
 
 BLOCKS = "blocks"
@@ -160,7 +160,7 @@ class Variant:
 
     def sensor(self) -> Sensor:
         """Return the sensor as built."""
-        built = as_built(Sensor.of(self.design), self.off)
+        built = with_deviations(Sensor.of(self.design), self.off)
         return built if self.printed_by is None else as_printed(built, self.printed_by)
 
 

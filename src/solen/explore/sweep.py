@@ -27,7 +27,7 @@ from solen.explore.swept import Sweep
 from solen.explore.unused_axes import unused_in_samples, unused_on_grid
 from solen.progress import Progress
 from solen.sensor import Sensor
-from solen.sensor.numbers import inert
+from solen.sensor.numbers import why_inert
 from solen.spec import Design, dumps, with_values
 
 OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg", "network.motion[")
@@ -128,7 +128,7 @@ def sweep(
 def _has_no_effect(design: Design, key: str) -> str:
     """Return a warning about a key that changes nothing, with the reason if it is known."""
     try:
-        why = inert(Sensor.of(design), key)
+        why = why_inert(Sensor.of(design), key)
     except (SpecError, DesignError):
         why = ""
     return f"{key} changes no response at any point{f': {why}' if why else ''}; omit --over {key}"

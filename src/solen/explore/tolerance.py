@@ -33,7 +33,7 @@ from solen.files import SIMULATED
 from solen.progress import Progress, part_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
-from solen.sensor.effects import as_built
+from solen.sensor.effects import with_deviations
 from solen.sensor.numbers import number
 from solen.spec import Design
 from solen.spec.strict import Finite
@@ -267,6 +267,6 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
     if "material.index" in values:  # replaces the resin, with its loss and its dispersion
-        built = as_built(sensor, off).material
+        built = with_deviations(sensor, off).material
         values |= {"material.index": built.index, "material.absorption_per_mm": built.absorption_per_mm}
     return design.set(values)

@@ -11,10 +11,10 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import SolenError
 from solen.results import Result, reported
-from solen.sensor import Sensor, inert, respond, tolerance_of, why_not_batched
-from solen.sensor.effects import KEYS, off_by
-from solen.sensor.numbers import OF_THE_MATERIAL
-from solen.sensor.practice import MAX_ANGLES, spread
+from solen.sensor import Sensor, respond, tolerance_of, why_inert, why_not_batched
+from solen.sensor.effects import KEYS, with_deviations
+from solen.sensor.numbers import MATERIAL_KEYS
+from solen.sensor.practice import MAX_ANGLES, subsample
 
 SEEDS, RAYS = 4, 2**12
 WIDENED = 1.2
@@ -68,11 +68,11 @@ def tolerance_effects(sensor: Sensor, stop: Callable[[], bool] = lambda: False) 
     """
     if why_not_batched(sensor):
         return
-    angles = spread(sensor.design.motion.angles_deg(), MAX_ANGLES)
+    angles = subsample(sensor.design.motion.angles_deg(), MAX_ANGLES)
     for key in KEYS:
         if stop():
             return
-        if key in OF_THE_MATERIAL or not inert(sensor, key):
+        if key in MATERIAL_KEYS or not why_inert(sensor, key):
             found = _of(sensor, key, angles)
             if found is not None:
                 yield found
@@ -89,7 +89,7 @@ def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> ToleranceEffect | 
     ends, steps = [], []
     for step in (-tolerance, tolerance):
         try:
-            other = off_by(sensor, key, step)
+            other = with_deviations(sensor, {key: step})
             for angle in (angles[0], angles[-1]):
                 other.body(angle)
         except SolenError:

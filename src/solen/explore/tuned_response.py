@@ -15,8 +15,8 @@ from solen.lens import MeasuredLens
 from solen.progress import Progress
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWN_RAYS
-from solen.sensor.effects import swept
-from solen.sensor.practice import spread
+from solen.sensor.effects import response_at
+from solen.sensor.practice import subsample
 from solen.sensor.response import Response
 from solen.trace.chunks import Sampling
 
@@ -41,11 +41,11 @@ def responses(
     """
     sensor.check_pair()
     motion = sensor.design.motion.angles_deg()
-    angles = sorted({*spread(motion, MAX_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
-    made = [_response(swept(sensor, angles), [])]
+    angles = sorted({*subsample(motion, MAX_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
+    made = [_response(response_at(sensor, angles), [])]
     for number, (best, *others) in enumerate((before, after)):
         sensors = [replace(sensor, cut=lens) for lens in (best, *others)]
-        whole = swept(sensors[0], angles)
+        whole = response_at(sensors[0], angles)
         near, *away = (_sampled(sensor, angles) for sensor in sensors)
         made.append(_response(whole, [one - near for one in away]))
         if progress is not None:
@@ -66,7 +66,7 @@ def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
         raise DesignError("response", limit="at some angles no light arrives", remedy="narrow the motion")
     u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)
     u = np.hypot(u_lens, best.u_contrast)
-    low, here, high = (best.at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))
+    low, here, high = (best.index_at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))
     slope = float(best.contrast[high] - best.contrast[low]) / (2.0 * NEAR_DEG)
     bent = [float(one[high] - one[low]) / (2.0 * NEAR_DEG) for one in away] or [0.0]
     u_slope = float(np.hypot(np.sqrt(np.mean(np.square(bent))), best.u_contrast[here] / (np.sqrt(2.0) * NEAR_DEG)))

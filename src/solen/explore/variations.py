@@ -16,7 +16,7 @@ from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.explore.sobol import sobol
 from solen.sensor import Sensor
-from solen.sensor.numbers import OF_THE_MATERIAL, inert, number
+from solen.sensor.numbers import MATERIAL_KEYS, number, why_inert
 
 FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
 STATED = "stated"
@@ -108,7 +108,7 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
         limit = "is not a parameter that affects a response, or is the same for all designs"
         raise SpecError(f"{option} {key}", limit=limit, remedy="omit it")
     number(sensor, key)
-    if why := "" if material and key in OF_THE_MATERIAL else inert(sensor, key):
+    if why := "" if material and key in MATERIAL_KEYS else why_inert(sensor, key):
         raise SpecError(f"{option} {key}", limit=why, remedy="omit it")
 
 

@@ -5,11 +5,11 @@ The exact outline is meshed once, and each combination of loads gives one state 
 
 Example::
 
-    soft = SoftBody(body, Material.neo_hookean(1.0), (Hold((Stretch("receiver-*"),)),), thickness_mm=4.0) states =
-    soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
+    soft = SoftBody(body, Material.neo_hookean(1.0), (Hold((Stretch("receiver-*"),)),), thickness_mm=4.0)
+    states = soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
 
-`SoftBody.states` accepts the loads of each state, in the order in which the body passes through them, and returns a
-`Deformed` for each; `SoftBody.state` does so for a single state.
+`SoftBody.states` takes the loads of every state, in the order in which the body passes through the states, and returns
+a `Deformed` for each; `SoftBody.state` does so for a single state.
 """
 
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall

@@ -21,7 +21,7 @@ class Wall:
     points_mm
         Positions (N, 2) of the nodes at rest, exactly on the curve.
     displacement_mm
-        Displacements (N, 2) of the nodes in the elements, without interpolation.
+        Displacements (N, 2) of these nodes, without interpolation.
     """
 
     u: FloatArray
@@ -62,11 +62,11 @@ class Contact(Result):
     u_from, u_to
         Part of the face's curve in contact, in its parameter; not in JSON.
     from_mm, to_mm
-        The same part as lengths along the face, measured as in wall tables.
+        Ends of this part as lengths along the face, measured as in wall tables.
     depth_mm
-        Distance that the finger moved after it first touched.
+        Distance that the finger has moved since it first touched the body.
     force_N
-        Force on this part, along the finger's direction; a corner counts once.
+        Force on this part, along the finger's direction; the force on a corner is assigned to one of its two faces.
     pressure_MPa
         Largest pressure.
     """
@@ -111,7 +111,7 @@ class Deformed:
     body
         The body at rest.
     walls
-        Displaced nodes of each face by its name.
+        Displaced nodes of each face, keyed by the face's name.
     reactions
         Force and moment of each hold and load on the body; their sum is zero.
     contacts
@@ -121,10 +121,10 @@ class Deformed:
     strain_largest
         Largest principal strain, ln λ, in magnitude.
     bulge_mm
-        Deviation of walls from upright: the distance by which the wall of a body that is free along y is further out,
-        or in, at mid-height than at its faces, in nine tenths of the body. The walls that light meets are upright.
+        Largest bulge or hollow of the walls at mid-height, relative to top and bottom, if the body is free along y; the
+        tenth of the body with the largest bulge is excluded. Rays are traced with upright walls.
     warnings
-        Warnings in sentences.
+        Warnings, one sentence each.
     """
 
     body: Body

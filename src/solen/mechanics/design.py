@@ -1,8 +1,9 @@
 """The soft body of a design: its tables, its states under load, and its walls for the ray tracer.
 
-The design's holds, fingers and pulls become supports and loads of the finite elements, with the same names. Each state
-of the driven quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`).
-If a finger that is not dry touches a wall, the contact has a separate wall table: light continues into the finger.
+The design's holds, fingers and pulls become supports and loads of the finite elements, with the same names. The state
+at each value of the driven quantity is solved once and stored. The displaced walls become exact curves
+(`solen.geometry.displaced`). If a finger in optical contact touches a wall, the touched part gets its own wall table,
+through which light enters the finger.
 
 Public names: `LoadedBody` and `LoadedState`.
 """
@@ -29,10 +30,10 @@ from solen.ranks import Caution
 from solen.spec import Design, Wall
 from solen.spec import soft as tables
 
-FINGER_MM = 0.5
-"""Largest depth in mm of a finger that light enters; the far end is black."""
-OF_RADIUS = 0.25
-"""Largest depth of a finger that light enters, as a fraction of its radius."""
+MAX_FINGER_DEPTH_MM = 0.5
+"""Largest depth in mm of the layer of a finger that light enters; the far side of the layer is black."""
+MAX_FINGER_DEPTH_RADII = 0.25
+"""Largest depth of this layer, as a fraction of the finger's radius."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +75,13 @@ class LoadedState:
 
 @dataclass(frozen=True)
 class LoadedBody:
-    """The soft body of a loaded design, and its states by value."""
+    """The soft body of a loaded design, and its solved states, keyed by the value of the driven quantity."""
 
     design: Design
     rest: Body
     soft: SoftBody
-    known: dict[float, LoadedState] = field(default_factory=dict, compare=False, repr=False)
-    solving: Any = field(default_factory=threading.RLock, compare=False, repr=False)
+    solved: dict[float, LoadedState] = field(default_factory=dict, compare=False, repr=False)
+    lock: Any = field(default_factory=threading.RLock, compare=False, repr=False)
 
     @classmethod
     def of(cls, design: Design, lens: Lens | None) -> "LoadedBody":
@@ -89,13 +90,11 @@ class LoadedBody:
         Raises
         ------
         DesignError
-            If no stiffness is known.
-        OutputError
-            If the finite elements are not installed.
+            If the design has no stiffness, or scikit-fem is not installed.
         """
         rest = body_of(design, lens)
         soft = SoftBody(
-            replace(rest, front=None),  # for a lens in space, its middle section, which remains rigid
+            replace(rest, front=None),  # of a lens in space, the middle section, which remains rigid
             material_of(design),
             (*_holds(design, rest), *_backings(design)),
             design.body.thickness_mm,
@@ -105,16 +104,16 @@ class LoadedBody:
         return cls(design, rest, soft)
 
     def state(self, value: float) -> LoadedState:
-        """Return the state at a value of the driven quantity; raises the errors of `SoftBody.states`."""
+        """Return the state at a value of the driven quantity; raise the errors of `SoftBody.states`."""
         return self.states([value])[0]
 
     def states(self, values: Sequence[float]) -> list[LoadedState]:
-        """Return the states at several values; states not yet stored are solved in the given order."""
-        with self.solving:
-            missing = [value for value in dict.fromkeys(values) if value not in self.known]
+        """Return the states at several values; the values not yet solved are solved in this order."""
+        with self.lock:
+            missing = [value for value in dict.fromkeys(values) if value not in self.solved]
             for value, deformed in zip(missing, self.soft.states([self.loads(v) for v in missing]), strict=True):
-                self.known[value] = self._lit(value, deformed)
-            return [self.known[value] for value in values]
+                self.solved[value] = self._with_walls(value, deformed)
+            return [self.solved[value] for value in values]
 
     def loads(self, value: float) -> list[Load]:
         """Return the loads at a value of the driven quantity."""
@@ -125,13 +124,13 @@ class LoadedBody:
             *(_pull(design, pull, value) for pull in design.pull),
         ]
 
-    def _lit(self, value: float, deformed: Deformed) -> LoadedState:
-        """Return the state with its optical walls."""
+    def _with_walls(self, value: float, deformed: Deformed) -> LoadedState:
+        """Return the state with its displaced walls and the wall tables of its contacts."""
         walls: list[Wall] = []
         touches: list[Touch] = []
         fingers = {press.name: press for press in self.design.press}
         for contact in deformed.contacts:
-            wall = self._touched(fingers[contact.name], contact)
+            wall = self._contact_wall(fingers[contact.name], contact)
             if wall is not None:
                 touches.append(Touch(contact.face, contact.u_from, contact.u_to, len(self.design.wall) + len(walls)))
                 walls.append(wall)
@@ -139,55 +138,55 @@ class LoadedBody:
         moved = displaced(self.rest, deformed.walls, self.design.motion.emitter_on, touches)
         return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
 
-    def _touched(self, finger: tables.Press, contact: Contact) -> Wall | None:
+    def _contact_wall(self, finger: tables.Press, contact: Contact) -> Wall | None:
         """Return the wall table of a contact with a finger, or None if no light enters the finger."""
         face = self.rest.face(contact.face)
-        own = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
-        is_dark = face.part in DARK or own.finish in ("mirror", "black")
+        wall = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
+        is_dark = face.part in DARK or wall.finish in ("mirror", "black")
         if finger.index is None or is_dark or not contact.u_from < contact.u_to:
             return None
-        if own.finish_is_added or own.outside != "air":
-            there = f'finish = "{own.finish}"' if own.finish_is_added else f'outside = "{own.outside}"'
+        if wall.finish_is_added or wall.outside != "air":
+            setting = f'finish = "{wall.finish}"' if wall.finish_is_added else f'outside = "{wall.outside}"'
             limit = (
-                f"touches {face.name}, whose wall[{face.wall}] states {there}: the medium behind "
+                f"the finger touches {face.name}, for which wall[{face.wall}] sets {setting}: the medium behind "
                 "the contact is ambiguous"
             )
-            remedy = "omit the index, or move the finger or the part of the wall"
+            remedy = "omit the index, or move the finger or this part of the wall"
             raise DesignError(f"{finger.name}.index", value=finger.index, limit=limit, remedy=remedy)
         medium = {"outside": finger.name, "index": finger.index, "absorption_per_mm": finger.absorption_per_mm}
-        depth_mm = min(FINGER_MM, OF_RADIUS * finger.radius_mm)
-        return own.model_copy(update={**medium, "face": face.name, "depth_mm": depth_mm, "beyond": "black"})
+        depth_mm = min(MAX_FINGER_DEPTH_MM, MAX_FINGER_DEPTH_RADII * finger.radius_mm)
+        return wall.model_copy(update={**medium, "face": face.name, "depth_mm": depth_mm, "beyond": "black"})
 
 
 def material_of(design: Design) -> Material:
-    """Return the soft material of a design: from its own modulus, otherwise from its resin's model or modulus.
+    """Return the soft material of a design: from the design's modulus, otherwise from its resin's model or modulus.
 
     Raises
     ------
     DesignError
-        If neither states a stiffness.
+        If neither the design nor its resin gives a stiffness.
     """
-    stated = design.mechanics
-    if stated.modulus_MPa is not None:
-        return _neo_hookean(stated.modulus_MPa, stated.poisson)
-    name = design.material.resin
-    stiffness = None if name is None else resin_of(name, design.resin_file).stiffness
+    mechanics = design.mechanics
+    if mechanics.modulus_MPa is not None:
+        return _neo_hookean(mechanics.modulus_MPa, mechanics.poisson)
+    resin = design.material.resin
+    stiffness = None if resin is None else resin_of(resin, design.resin_file).stiffness
     if stiffness is None:
-        limit = "missing: a soft body needs its stiffness" + (f", and {name} states none" if name else "")
-        remedy = "add modulus_MPa = 3.0, or use a resin with [stiffness], from solen resin stiffness"
+        limit = "missing: a soft body needs a stiffness" + (f", and the resin {resin} has none" if resin else "")
+        remedy = "add modulus_MPa = 3.0, or use a resin with [stiffness], as written by solen resin stiffness"
         raise DesignError("mechanics.modulus_MPa", limit=limit, remedy=remedy)
     names = model(stiffness.model).names if stiffness.model else ()
     if names and set(names) <= set(stiffness.parameters):
-        return Material(stiffness.model, tuple(stiffness.parameters[name] for name in names), stated.poisson)
-    return _neo_hookean(stiffness.modulus_MPa, stated.poisson)
+        return Material(stiffness.model, tuple(stiffness.parameters[name] for name in names), mechanics.poisson)
+    return _neo_hookean(stiffness.modulus_MPa, mechanics.poisson)
 
 
 def stiffness_cautions(design: Design) -> tuple[Caution, ...]:
-    """Return warnings about the stiffness of a design's resin; there are none if the design gives its own modulus."""
-    name = design.material.resin
-    if name is None or design.mechanics.modulus_MPa is not None:
+    """Return warnings about the stiffness of a design's resin; none if the design sets the modulus itself."""
+    resin = design.material.resin
+    if resin is None or design.mechanics.modulus_MPa is not None:
         return ()
-    return resin_of(name, design.resin_file).cautions("stiffness")
+    return resin_of(resin, design.resin_file).cautions("stiffness")
 
 
 def _neo_hookean(modulus_MPa: float, poisson: float) -> Material:
@@ -195,7 +194,7 @@ def _neo_hookean(modulus_MPa: float, poisson: float) -> Material:
 
 
 def _holds(design: Design, rest: Body) -> Iterable[Hold]:
-    """Yield the supports that do not drive the body."""
+    """Yield the supports that do not move."""
     for name, rows in _supports(design).items():
         first = rows[0]
         if not _is_clamp(design, first):
@@ -232,17 +231,17 @@ def _pull(design: Design, pull: tables.Pull, value: float) -> Pull:
 
 
 def _driven(design: Design, name: str, value: float) -> dict[str, float]:
-    """Return the driven amount of a finger or a pull by its key, or an empty dictionary if it is not driven."""
+    """Return the driven amount of a finger or a pull, keyed by its TOML key; empty if it is not driven."""
     _, driven, key = tables.driven(design)
     return {key: value} if name == driven else {}
 
 
 def _supports(design: Design) -> dict[str, list[tables.Hold]]:
-    """Yield the tables of each support by its name."""
-    found: dict[str, list[tables.Hold]] = {}
+    """Return the tables of each support, keyed by its name."""
+    supports: dict[str, list[tables.Hold]] = {}
     for hold in design.hold:
-        found.setdefault(hold.name, []).append(hold)
-    return found
+        supports.setdefault(hold.name, []).append(hold)
+    return supports
 
 
 def _is_clamp(design: Design, hold: tables.Hold) -> bool:

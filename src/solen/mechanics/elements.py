@@ -1,15 +1,15 @@
-"""Forces and stiffness of the quadratic elements at any displacement: finite strain, exact tangent.
+"""Forces and stiffness of quadratic elements at finite strain, with the exact tangent.
 
-Taylor-Hood elements, with quadratic displacements and linear, continuous pressure, prevent locking of a material that
-conserves its volume. The energy per thickness is
+Taylor-Hood elements, with quadratic displacements and a linear, continuous pressure, prevent volumetric locking of an
+incompressible material. The energy per unit thickness is
 
     ∫ Ψ(F) + p (J − 1) − c p²/2 dA,
 
-with Ψ and the compliance c of `solen.mechanics.material`; plane stress is the same without p. Stresses and tangent are
-expressed in principal stretches (Simo & Taylor 1991), pushed forward to the deformed body.
+with Ψ and the compliance c of `solen.mechanics.material`; in plane stress, there is no p. Stresses and tangent are
+expressed in principal stretches (Simo & Taylor 1991) and pushed forward to the deformed body.
 
 `Elements.forces` returns the derivative of the energy with respect to displacements and pressures, `Elements.tangent`
-its second derivative, as a sparse matrix. Displacements are numbered node by node, x before z; pressures follow.
+its second derivative as a sparse matrix. Displacements are numbered node by node, x before z; pressures follow.
 """
 
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh
 
-ALIKE = 1e-5
-"""Difference of principal strains below which the limiting value of the shear stiffness is used."""
-ORDER = 4
-"""Degree of the polynomials that the quadrature integrates exactly."""
+MIN_STRAIN_DIFFERENCE = 1e-5
+"""Difference of principal strains below which the shear stiffness has its limiting value for equal strains."""
+QUADRATURE_DEGREE = 4
+"""Highest degree of the polynomials that the quadrature integrates exactly."""
 
 
 class _State(NamedTuple):
-    """Gradients with respect to deformed position, area ratio and stress at every quadrature point."""
+    """Area ratio, stress, and shape function gradients with respect to the deformed position, at quadrature points."""
 
     gradients: FloatArray  # (elements, points, 6, 2)
     area: FloatArray  # (elements, points)
@@ -60,7 +60,7 @@ class Elements:
     def _basis(self) -> Any:
         from skfem import Basis, ElementTriP2
 
-        return Basis(self.mesh.mesh, ElementTriP2(), intorder=ORDER)
+        return Basis(self.mesh.mesh, ElementTriP2(), intorder=QUADRATURE_DEGREE)
 
     @cached_property
     def nodes(self) -> IndexArray:
@@ -75,7 +75,8 @@ class Elements:
     @cached_property
     def _gradients(self) -> FloatArray:
         """Gradients (elements, points, 6, 2) of the shape functions with respect to position at rest."""
-        return np.ascontiguousarray(np.stack([np.moveaxis(one[0].grad, 0, -1) for one in self._basis.basis], axis=2))
+        gradients = [np.moveaxis(function[0].grad, 0, -1) for function in self._basis.basis]
+        return np.ascontiguousarray(np.stack(gradients, axis=2))
 
     @cached_property
     def _flat_gradients(self) -> FloatArray:
@@ -85,7 +86,7 @@ class Elements:
 
     @cached_property
     def _linear(self) -> FloatArray:
-        """Shape functions (points, 3) of the pressure."""
+        """Linear shape functions of the pressure at the quadrature points (points, 3)."""
         x, z = self._basis.X
         return np.column_stack([1.0 - x - z, x, z])
 
@@ -95,30 +96,32 @@ class Elements:
         return self.plane == "strain"
 
     @property
-    def displacements(self) -> int:
+    def displacement_count(self) -> int:
         """Number of displacement components."""
         return 2 * len(self.mesh.points_mm)
 
     @property
-    def unknowns(self) -> int:
-        """Number of all unknowns: displacements, then pressures."""
-        return self.displacements + (self.mesh.corners if self.has_pressure else 0)
+    def unknown_count(self) -> int:
+        """Number of unknowns: displacements and pressures."""
+        return self.displacement_count + (self.mesh.corners if self.has_pressure else 0)
 
     @cached_property
-    def _numbers(self) -> IndexArray:
+    def _dofs(self) -> IndexArray:
         """Indices (elements, 12 or 15) of the unknowns of every element."""
-        moves = (2 * self.nodes[:, :, None] + np.arange(2)).reshape(len(self.nodes), 12)
-        return np.hstack([moves, self.displacements + self.nodes[:, :3]]) if self.has_pressure else moves
+        displacements = (2 * self.nodes[:, :, None] + np.arange(2)).reshape(len(self.nodes), 12)
+        if not self.has_pressure:
+            return displacements
+        return np.hstack([displacements, self.displacement_count + self.nodes[:, :3]])
 
     def deformation(self, unknowns: FloatArray) -> FloatArray:
         """Return the deformation gradients F (elements, points, 2, 2)."""
-        moves = unknowns[: self.displacements].reshape(-1, 2)[self.nodes].transpose(0, 2, 1)
+        displacements = unknowns[: self.displacement_count].reshape(-1, 2)[self.nodes].transpose(0, 2, 1)
         elements, points = self.weights.shape
-        slopes = (moves @ self._flat_gradients).reshape(elements, 2, points, 2)
+        slopes = (displacements @ self._flat_gradients).reshape(elements, 2, points, 2)
         return np.asarray(np.eye(2) + slopes.transpose(0, 2, 1, 3))
 
-    def turned_inside_out(self, unknowns: FloatArray) -> BoolArray:
-        """Return a mask of the elements whose area ratio is not positive at every point."""
+    def inverted(self, unknowns: FloatArray) -> BoolArray:
+        """Return a mask of the elements whose area ratio is not positive at every quadrature point."""
         return np.asarray((_det(self.deformation(unknowns)) <= 0.0).any(axis=1))
 
     def _state(self, unknowns: FloatArray) -> _State:
@@ -130,7 +133,7 @@ class Elements:
         mean, half = principal.stress.sum(axis=-1) / 2, (principal.stress[..., 0] - principal.stress[..., 1]) / 2
         pressure = np.zeros_like(area)
         if self.has_pressure:
-            pressure = unknowns[self.displacements :][self.nodes[:, :3]] @ self._linear.T
+            pressure = unknowns[self.displacement_count :][self.nodes[:, :3]] @ self._linear.T
         mean = mean + pressure * area
         stress = np.stack([mean + half * principal.cos, mean - half * principal.cos, half * principal.sin], axis=-1)
         return _State(gradients, area, stress, pressure, principal)
@@ -150,40 +153,41 @@ class Elements:
     def largest_strain(self, unknowns: FloatArray) -> FloatArray:
         """Return the signed principal strain ln λ of largest magnitude at quadrature points (elements, points)."""
         f = self.deformation(unknowns)
-        found = self._principal(f, _det(f))
-        return np.where(np.abs(found.first) >= np.abs(found.second), found.first, found.second)
+        principal = self._principal(f, _det(f))
+        return np.where(np.abs(principal.first) >= np.abs(principal.second), principal.first, principal.second)
 
     def thickness_strain(self, unknowns: FloatArray) -> FloatArray:
-        """Return the strain along y at the corners of the elements (N,); in plane strain, that of a body free along y.
+        """Return the strain along y at the corners of the elements (N,), as if the body were free along y.
 
-        In that case, the stress along y is the pressure, to first order, and E = 3 μ.
+        In plane strain, the stress along y is the pressure to first order; releasing it strains the body by −p/E along
+        y, with E = 3 μ.
         """
         if self.has_pressure:
-            return -unknowns[self.displacements :] / (3.0 * self.material.shear_modulus_MPa)
+            return -unknowns[self.displacement_count :] / (3.0 * self.material.shear_modulus_MPa)
         means = -np.log(_det(self.deformation(unknowns))).mean(axis=1)
         corners = self.nodes[:, :3].ravel()
         return np.asarray(np.bincount(corners, np.repeat(means, 3)) / np.bincount(corners))
 
     def forces(self, unknowns: FloatArray) -> FloatArray:
-        """Return the derivative of the energy by every unknown: forces in N/mm, then missing areas in mm²."""
+        """Return the energy's derivative with respect to every unknown: forces in N/mm, then area residuals in mm²."""
         state = self._state(unknowns)
         xx, zz, xz = np.moveaxis(state.stress, -1, 0)
         stress = np.stack([xx, xz, xz, zz], axis=-1).reshape(*xx.shape, 2, 2) * self.weights[..., None, None]
         local = np.einsum("eqaj,eqij->eai", state.gradients, stress, optimize=True).reshape(len(self.nodes), 12)
         if self.has_pressure:
-            missing = state.area - 1.0 - self.material.compliance_per_MPa * state.pressure
-            local = np.hstack([local, (missing * self.weights) @ self._linear])
-        summed = np.bincount(self._numbers.ravel(), weights=local.ravel(), minlength=self.unknowns)
-        return np.asarray(summed, dtype=float)
+            residual = state.area - 1.0 - self.material.compliance_per_MPa * state.pressure
+            local = np.hstack([local, (residual * self.weights) @ self._linear])
+        assembled = np.bincount(self._dofs.ravel(), weights=local.ravel(), minlength=self.unknown_count)
+        return np.asarray(assembled, dtype=float)
 
     def tangent(self, unknowns: FloatArray) -> Any:
-        """Return the second derivative of the energy: a symmetric sparse matrix of all unknowns."""
+        """Return the second derivative of the energy with respect to all unknowns: a symmetric sparse matrix."""
         from scipy.sparse import csc_array
 
         local = self._local_tangent(self._state(unknowns))
-        order, begins, rows, columns = self._places
-        data = np.add.reduceat(local.ravel()[order], begins)
-        return csc_array((data, rows, columns), shape=(self.unknowns, self.unknowns))
+        order, starts, rows, column_starts = self._sparsity
+        data = np.add.reduceat(local.ravel()[order], starts)
+        return csc_array((data, rows, column_starts), shape=(self.unknown_count, self.unknown_count))
 
     def _local_tangent(self, state: _State) -> FloatArray:
         elements, points = state.area.shape
@@ -195,55 +199,61 @@ class Elements:
         flat = (elements, points * 3, 12)
         local = strain.reshape(flat).transpose(0, 2, 1) @ weighted.reshape(flat)
         xx, zz, xz = np.moveaxis(state.stress * self.weights[..., None], -1, 0)
-        pulled = np.stack([dx * xx[..., None] + dz * xz[..., None], dx * xz[..., None] + dz * zz[..., None]], axis=2)
-        both = state.gradients.transpose(0, 1, 3, 2).reshape(elements, points * 2, 6)
-        turned = both.transpose(0, 2, 1) @ pulled.reshape(elements, points * 2, 6)
-        local[:, 0::2, 0::2] += turned
-        local[:, 1::2, 1::2] += turned
+        tractions = np.stack([dx * xx[..., None] + dz * xz[..., None], dx * xz[..., None] + dz * zz[..., None]], axis=2)
+        gradients = state.gradients.transpose(0, 1, 3, 2).reshape(elements, points * 2, 6)
+        geometric = gradients.transpose(0, 2, 1) @ tractions.reshape(elements, points * 2, 6)
+        local[:, 0::2, 0::2] += geometric
+        local[:, 1::2, 1::2] += geometric
         return self._with_pressure(local, state) if self.has_pressure else local
 
     def _moduli(self, state: _State) -> FloatArray:
         """Return the moduli (elements, points, 3, 3) from strains xx, zz, 2 xz to Kirchhoff stress."""
-        found = state.principal
-        mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
-        slopes = self.material.slopes(self.plane, found.first, found.second)
+        principal = state.principal
+        mean, half = principal.stress.sum(axis=-1) / 2, (principal.stress[..., 0] - principal.stress[..., 1]) / 2
+        slopes = self.material.slopes(self.plane, principal.first, principal.second)
         a, b, d = slopes[..., 0, 0], slopes[..., 0, 1], slopes[..., 1, 1]
-        swell, mixed, spread = (a + 2 * b + d) / 4, (a - d) / 4, (a - 2 * b + d) / 4
-        volume = state.pressure * state.area
-        difference = found.first - found.second
-        near = np.abs(difference) < ALIKE
-        apart = np.where(near, 1.0, difference)
-        shear = np.where(near, spread, half / np.tanh(apart)) - mean
-        one = np.ones_like(mean)
-        zero = np.zeros_like(mean)
-        whole, along = np.stack([one, one, zero], axis=-1), np.stack([found.cos, -found.cos, found.sin], axis=-1)
-        across = np.stack([-found.sin, found.sin, found.cos], axis=-1)
-        moduli = _dyad(swell - mean + volume, whole, whole) + _dyad(spread - mean, along, along)
-        moduli += _dyad(mixed - half, whole, along) + _dyad(mixed - half, along, whole)
-        moduli += _dyad(shear, across, across)
-        return moduli - volume[..., None, None] * np.diag([2.0, 2.0, 1.0])
+        areal, mixed, deviatoric = (a + 2 * b + d) / 4, (a - d) / 4, (a - 2 * b + d) / 4
+        pressure = state.pressure * state.area
+        difference = principal.first - principal.second
+        equal = np.abs(difference) < MIN_STRAIN_DIFFERENCE
+        shear = np.where(equal, deviatoric, half / np.tanh(np.where(equal, 1.0, difference))) - mean
+        area, stretch, rotation = _strain_directions(principal)
+        moduli = _dyad(areal - mean + pressure, area, area) + _dyad(deviatoric - mean, stretch, stretch)
+        moduli += _dyad(mixed - half, area, stretch) + _dyad(mixed - half, stretch, area)
+        moduli += _dyad(shear, rotation, rotation)
+        return moduli - pressure[..., None, None] * np.diag([2.0, 2.0, 1.0])
 
     def _with_pressure(self, local: FloatArray, state: _State) -> FloatArray:
-        """Return the tangent, bordered by the rows and columns of the pressures."""
-        whole = np.zeros((len(local), 15, 15))
-        whole[:, :12, :12] = local
-        sweep = np.einsum("eq,qp,eqai->epai", state.area * self.weights, self._linear, state.gradients, optimize=True)
-        whole[:, 12:, :12] = sweep.reshape(len(local), 3, 12)
-        whole[:, :12, 12:] = whole[:, 12:, :12].transpose(0, 2, 1)
+        """Return the tangent with the rows and columns of the pressures appended."""
+        tangent = np.zeros((len(local), 15, 15))
+        tangent[:, :12, :12] = local
+        areas = np.einsum("eq,qp,eqai->epai", state.area * self.weights, self._linear, state.gradients, optimize=True)
+        tangent[:, 12:, :12] = areas.reshape(len(local), 3, 12)
+        tangent[:, :12, 12:] = tangent[:, 12:, :12].transpose(0, 2, 1)
         mass = np.einsum("eq,qp,qr->epr", self.weights, self._linear, self._linear, optimize=True)
-        whole[:, 12:, 12:] = -self.material.compliance_per_MPa * mass
-        return whole
+        tangent[:, 12:, 12:] = -self.material.compliance_per_MPa * mass
+        return tangent
 
     @cached_property
-    def _places(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
-        """Order of the local entries by their index in the sparse matrix, start of each, rows and column starts."""
-        rows = np.repeat(self._numbers[:, :, None], self._numbers.shape[1], axis=2).ravel()
-        columns = np.repeat(self._numbers[:, None, :], self._numbers.shape[1], axis=1).ravel()
+    def _sparsity(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
+        """Order of the local entries by matrix entry, start and row of each entry's group, and start of each column."""
+        rows = np.repeat(self._dofs[:, :, None], self._dofs.shape[1], axis=2).ravel()
+        columns = np.repeat(self._dofs[:, None, :], self._dofs.shape[1], axis=1).ravel()
         order = np.lexsort((rows, columns))
-        key = columns[order] * self.unknowns + rows[order]
-        begins = np.flatnonzero(np.diff(key, prepend=-1))
-        starts = np.searchsorted(columns[order][begins], np.arange(self.unknowns + 1))
-        return order, begins, rows[order][begins], starts
+        key = columns[order] * self.unknown_count + rows[order]
+        starts = np.flatnonzero(np.diff(key, prepend=-1))
+        column_starts = np.searchsorted(columns[order][starts], np.arange(self.unknown_count + 1))
+        return order, starts, rows[order][starts], column_starts
+
+
+def _strain_directions(principal: _Principal) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return strains (…, 3) as xx, zz, 2 xz: isotropic, opposite along the principal axes, and shear between these."""
+    cos, sin = principal.cos, principal.sin
+    return (
+        np.stack([np.ones_like(cos), np.ones_like(cos), np.zeros_like(cos)], axis=-1),
+        np.stack([cos, -cos, sin], axis=-1),
+        np.stack([-sin, sin, cos], axis=-1),
+    )
 
 
 def _dyad(factor: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:

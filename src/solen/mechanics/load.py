@@ -1,9 +1,9 @@
-"""Supports and loads of a body, by the names of its faces.
+"""Supports and loads of a body, on faces that are given by name.
 
 A `Stretch` is a part of the outline, named as in wall tables: lengths along a face are measured from its start, or from
-its end if the face is walked backwards (`solen.geometry.Face.from_end`).
+its end if `solen.geometry.Face.from_end` is set.
 
-All contacts are frictionless. Forces are in newtons for the whole thickness, moments in N·mm counter-clockwise,
+All contacts are frictionless. Forces are in newtons for the entire thickness, moments in N·mm counter-clockwise,
 directions in degrees counter-clockwise from +z.
 """
 
@@ -20,9 +20,9 @@ class Stretch:
     Attributes
     ----------
     face
-        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. Numbers of pieces may be omitted.
+        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. The number of a piece may be omitted.
     from_mm, to_mm
-        Beginning and end along the face; None for the face's end.
+        Start and end along the face; ``to_mm`` None: the end of the face.
     """
 
     face: str
@@ -35,7 +35,7 @@ HoldKind = Literal["fixed", "sliding", "turning"]
 
 @dataclass(frozen=True)
 class Hold:
-    """A support at rest.
+    """A stationary support.
 
     Attributes
     ----------
@@ -45,9 +45,9 @@ class Hold:
         ``fixed``: the points do not move. ``sliding``: they move along the wall's direction at rest, not across it.
         ``turning``: they rotate freely as one rigid part about ``pivot_mm``.
     pivot_mm
-        Pivot of ``turning``, and reference point of the moment; None: the centre of the held points.
+        Pivot of ``turning``, and reference point of the moment; None: the centre of the supported points.
     solid
-        Whether the material within the convex hull of the stretches is also held, as in a clamp that encloses it.
+        Whether the material in the convex hull of the stretches is also constrained, as in a clamp that encloses it.
     name
         Name in results and messages.
     """
@@ -61,7 +61,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Turn:
-    """A driven clamp: its stretches rotate as one rigid part through a given finite angle.
+    """A driven clamp: its stretches rotate as one rigid part through a prescribed finite angle.
 
     The attributes are those of `Hold` and ``angle_deg``, counter-clockwise.
     """
@@ -74,22 +74,22 @@ class Turn:
 
     @property
     def motion(self) -> Rigid:
-        """Rigid motion of the clamp and of any part fixed to the clamp, such as an emitter."""
+        """Rigid motion of the clamp and of any part attached to it, such as an emitter."""
         return Rigid.about(self.pivot_mm, self.angle_deg)
 
 
 @dataclass(frozen=True)
 class Press:
-    """A rigid, frictionless round finger that is pushed straight into a wall from its first contact.
+    """A rigid, frictionless round finger that is pushed along a straight line into a wall.
 
     Attributes
     ----------
     face, at_mm
-        First contact: length along a face, measured as in `Stretch`.
+        Point of first contact: length along a face, measured as in `Stretch`.
     radius_mm
         Radius of the finger.
     depth_mm, force_N
-        Distance that it moves further, or the force along its direction: one of the two.
+        Distance that it moves after first contact, or the force along its direction: exactly one of the two.
     direction_deg
         Direction of its movement; None: perpendicular to the wall, into the material.
     name

@@ -1,11 +1,10 @@
-"""Triangles that fill the exact outline of a body.
+"""Mesh of quadratic triangles that follows the exact outline of a body.
 
-Points are placed on the exact curves, more densely at corners, at the ends of holds and at requested positions. A
-triangular lattice with the same grading fills the inside. Delaunay triangles of all points are kept if they are within
-the outline. An edge of the outline that is missing in the triangulation is halved until it is present. The elements are
-quadratic: those along the outline have their middle nodes on the curve.
+Points are placed on the exact curves, more densely at corners, at the ends of holds and at requested positions, and the
+inside is triangulated with the same grading (`solen.mechanics.triangulation`). Edges of the outline that are missing in
+the triangulation are halved until all are present. The midpoint nodes of elements along the outline are on the curve.
 
-Public names: `mesh_of` and `MeshOptions`.
+Public names: `mesh_of`, `MeshOptions`, `BodyMesh` and `Edges`.
 """
 
 import math
@@ -21,19 +20,19 @@ from solen.errors import DesignError
 from solen.geometry import Body, Face
 from solen.geometry.body import filled, place_text
 from solen.geometry.measures import area_mm2, perimeter_mm
-from solen.mechanics.filling import Sizes, triangulated
+from solen.mechanics.triangulation import Sizes, triangulate
 
-ACROSS = 6.0
+ELEMENTS_ACROSS = 6.0
 """Default number of elements across the mean width of a body."""
-AT_CORNER = 0.25
+CORNER_SIZE = 0.25
 """Element size at corners and ends of holds, relative to the size elsewhere."""
-IN_NOTCH = 1 / 32
+NOTCH_SIZE = 1 / 32
 """Relative element size in re-entrant corners, where the strain is unbounded."""
-SHARP_DEG = 15.0
-"""Smallest angle between two faces that counts as a corner."""
-PER_RADIUS = 0.4
+MIN_CORNER_DEG = 15.0
+"""Smallest angle between two faces that is treated as a corner."""
+SIZE_PER_RADIUS = 0.4
 """Element size relative to the radius of a curved wall."""
-ROUNDS = 8
+MAX_ROUNDS = 8
 SAMPLES = 1025
 MAX_TRIANGLES = 200_000
 
@@ -45,9 +44,9 @@ class MeshOptions:
     Attributes
     ----------
     size_mm
-        Size of the elements away from corners; None: a sixth of the body's mean width.
+        Size of the elements far from corners; None: a sixth of the body's mean width.
     finer
-        Positions with their own sizes, each (x, z, size in mm); sizes grow from there.
+        Positions with smaller elements, each (x, z, size in mm); the size increases with the distance from them.
     """
 
     size_mm: float | None = None
@@ -55,7 +54,7 @@ class MeshOptions:
 
 
 class Edges(NamedTuple):
-    """Nodes along a face: ascending parameters (N,) and indices (N,); every second node is an edge midpoint."""
+    """Nodes along a face: parameters (N,) in ascending order and indices (N,); every second node is a midpoint."""
 
     u: FloatArray
     nodes: IndexArray
@@ -68,11 +67,11 @@ class BodyMesh:
     Attributes
     ----------
     mesh
-        The mesh of scikit-fem, corners first among its nodes.
+        The scikit-fem mesh; corners come first among its nodes.
     points_mm
         Positions (N, 2) of all nodes.
     faces
-        Nodes along each face, by name.
+        Nodes along each face, keyed by its name.
     """
 
     mesh: Any
@@ -93,9 +92,9 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     body
         A checked body with an outline that is the same at all heights.
     options
-        Sizes.
+        Element sizes.
     cuts
-        Parameters on faces, by name, at which an edge must end: ends of holds and contacts of fingers.
+        Parameters at which an edge must end, keyed by the name of the face: ends of holds and contacts of fingers.
 
     Raises
     ------
@@ -104,69 +103,69 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     """
     body.upright()
     sizes = _sizes_of(body, options, cuts)
-    _refuse_many(body, sizes, options.size_mm)
+    _check_count(body, sizes, options.size_mm)
     rings = [[_parameters(face, sizes, cuts.get(face.name, ())) for face in outline] for outline in body.outlines]
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         outline = _Outline.of(body, rings)
-        points, triangles = triangulated(outline.points, outline.polygon(), sizes)
+        points, triangles = triangulate(outline.points, outline.polygon(), sizes)
         missing = outline.missing(triangles)
         if not missing.any():
             return _quadratic(body, rings, outline, points, triangles)
         rings = outline.halved(rings, missing)
-    at = outline.points[int(np.flatnonzero(missing)[0])]
-    raise DesignError(
-        "mesh", value=f"no triangles at {place_text((at[0], at[1]))}", limit="walls are too close to each other there"
-    )
+    x, z = outline.points[int(np.flatnonzero(missing)[0])]
+    limit = f"no triangles fit at {place_text((x, z))}, where the walls are too close to each other"
+    raise DesignError("mesh", limit=limit)
 
 
 def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> Sizes:
     width_mm = 2.0 * area_mm2(body.outlines) / perimeter_mm(body.outlines)
-    size_mm = options.size_mm or width_mm / ACROSS
+    size_mm = options.size_mm or width_mm / ELEMENTS_ACROSS
     if not (math.isfinite(size_mm) and size_mm > 0.0):
         raise DesignError("mechanics.mesh_mm", value=size_mm, limit="must be finite and above 0")
     sizes = Sizes(size_mm)
     for outline in body.outlines:
         for before, face in pairwise((outline[-1], *outline)):
             corner_deg = _corner_deg(before, face)
-            if abs(corner_deg) > SHARP_DEG:
-                sizes.add(face.curve.start, (AT_CORNER if corner_deg > 0.0 else IN_NOTCH) * size_mm)
+            if abs(corner_deg) > MIN_CORNER_DEG:
+                sizes.add(face.curve.start, (CORNER_SIZE if corner_deg > 0.0 else NOTCH_SIZE) * size_mm)
             _bound_by_radius(sizes, face)
             for u in cuts.get(face.name, ()):
-                sizes.add(face.curve.point_at(u), AT_CORNER * size_mm)
+                sizes.add(face.curve.point_at(u), CORNER_SIZE * size_mm)
     for x, z, finer_mm in options.finer:
         sizes.add((x, z), finer_mm)
     return sizes
 
 
 def _corner_deg(before: Face, after: Face) -> float:
-    """Return the rotation angle of the outline between two faces, counter-clockwise; it is negative in a notch."""
+    """Return the angle by which the outline turns between two faces, counter-clockwise; negative in a notch."""
     (ax, az), (bx, bz) = before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)
     return math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz))
 
 
 def _bound_by_radius(sizes: Sizes, face: Face) -> None:
-    """Add smaller sizes where the curvature of a wall is too large for the local element size."""
+    """Add smaller sizes where a wall is too strongly curved for the default size."""
     u = np.linspace(0.0, 1.0, 33)
     points, heading = face.curve.points(u), np.unwrap(np.arctan2(*face.curve.velocities(u).T))
     turns, lengths = np.abs(np.diff(heading)), np.hypot(*np.diff(points, axis=0).T)
     for point, turn, length in zip(points[1:], turns, lengths, strict=True):
-        if PER_RADIUS * length < sizes.largest_mm * turn:
-            sizes.add(point, PER_RADIUS * length / turn)
+        if SIZE_PER_RADIUS * length < sizes.largest_mm * turn:
+            sizes.add(point, SIZE_PER_RADIUS * length / turn)
 
 
-def _refuse_many(body: Body, sizes: Sizes, stated_mm: float | None) -> None:
-    """Raise `DesignError` if a mesh would be too large."""
+def _check_count(body: Body, sizes: Sizes, size_mm: float | None) -> None:
+    """Raise `DesignError` if a mesh would have too many triangles."""
     smallest = min(sizes.sizes, default=sizes.largest_mm)
     triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
     if triangles > MAX_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
-        sized = f"elements of {min(smallest, sizes.largest_mm):.2g} to {sizes.largest_mm:.2g} mm"
-        limit = f"{sized} would need more than {MAX_TRIANGLES} triangles"
-        remedy = "raise it" if triangles > MAX_TRIANGLES else ("make the smallest radius of a wall or finger larger")
-        raise DesignError("mechanics.mesh_mm", value=stated_mm, limit=limit, remedy=remedy)
+        limit = (
+            f"elements of {smallest:.2g} to {sizes.largest_mm:.2g} mm would need more than {MAX_TRIANGLES} triangles"
+        )
+        remedy = "increase it" if triangles > MAX_TRIANGLES else "increase the smallest radius of a wall or finger"
+        raise DesignError("mechanics.mesh_mm", value=size_mm, limit=limit, remedy=remedy)
 
 
 def _parameters(face: Face, sizes: Sizes, cuts: Sequence[float]) -> FloatArray:
-    """Return the parameters (N,) of the edge ends along a face: at the cuts, and between them as sized."""
+    """Return the parameters (N,) of the edge ends along a face: at the cuts, and between them as the sizes require."""
     ends = np.unique([0.0, *cuts, 1.0])
     pieces = [_spaced(face, low, high, sizes)[:-1] for low, high in pairwise(ends)]
     return np.concatenate([*pieces, [1.0]])
@@ -183,7 +182,7 @@ def _spaced(face: Face, low: float, high: float, sizes: Sizes) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Outline:
-    """Edge ends along all outlines: points (N, 2) in order, and the index of the next point for each."""
+    """Edge ends along all outlines: points (N, 2), and for each the index (N,) of the next."""
 
     points: FloatArray
     following: IndexArray
@@ -192,10 +191,10 @@ class _Outline:
     def of(cls, body: Body, rings: list[list[FloatArray]]) -> "_Outline":
         points, following, first = [], [], 0
         for outline, ring in zip(body.outlines, rings, strict=True):
-            own = np.vstack([face.curve.points(u[:-1]) for face, u in zip(outline, ring, strict=True)])
-            points.append(own)
-            following.append(first + np.roll(np.arange(len(own)), -1))
-            first += len(own)
+            ring_points = np.vstack([face.curve.points(u[:-1]) for face, u in zip(outline, ring, strict=True)])
+            points.append(ring_points)
+            following.append(first + np.roll(np.arange(len(ring_points)), -1))
+            first += len(ring_points)
         return cls(np.vstack(points), np.concatenate(following))
 
     def polygon(self) -> Any:
@@ -210,60 +209,60 @@ class _Outline:
     def missing(self, triangles: IndexArray) -> BoolArray:
         """Return a mask of the outline edges (N,) that belong to no triangle."""
         sides = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-        own = np.sort(np.column_stack([np.arange(len(self.points)), self.following]), axis=1)
+        edges = np.sort(np.column_stack([np.arange(len(self.points)), self.following]), axis=1)
         factor = max(int(triangles.max()), len(self.points)) + 1
-        return np.asarray(~np.isin(own @ [factor, 1], sides @ [factor, 1]))
+        return np.asarray(~np.isin(edges @ [factor, 1], sides @ [factor, 1]))
 
     @staticmethod
     def halved(rings: list[list[FloatArray]], missing: BoolArray) -> list[list[FloatArray]]:
-        """Return parameters with the marked edges halved."""
-        edges = iter(missing)
-        made: list[list[FloatArray]] = []
+        """Return the parameters with the missing edges halved."""
+        marks = iter(missing)
+        halved: list[list[FloatArray]] = []
         for ring in rings:
-            made.append([])
+            halved.append([])
             for u in ring:
-                middles = [0.5 * (a + b) for a, b in pairwise(u) if next(edges)]
-                made[-1].append(np.sort(np.concatenate([u, middles])))
-        return made
+                middles = [0.5 * (a + b) for a, b in pairwise(u) if next(marks)]
+                halved[-1].append(np.sort(np.concatenate([u, middles])))
+        return halved
 
 
 def _quadratic(
     body: Body, rings: list[list[FloatArray]], outline: _Outline, points: FloatArray, triangles: IndexArray
 ) -> BodyMesh:
-    """Return the mesh with midpoint nodes, which are on the curves along the outline."""
+    """Return the mesh with midpoint nodes; those of outline edges are on the curves."""
     from skfem import MeshTri, MeshTri2
 
     used, inverse = np.unique(triangles, return_inverse=True)
     number = np.full(len(points), -1)
     number[used] = np.arange(len(used))
     mesh = MeshTri2.from_mesh(MeshTri(points[used].T.copy(), inverse.reshape(triangles.shape).T.copy()))
-    places = mesh.doflocs.T.copy()
-    keys = np.sort(mesh.facets, axis=0)
-    by_ends = {(int(a), int(b)): mesh.nvertices + i for i, (a, b) in enumerate(keys.T)}
+    positions = mesh.doflocs.T.copy()
+    facets = np.sort(mesh.facets, axis=0)
+    midpoints = {(int(a), int(b)): mesh.nvertices + i for i, (a, b) in enumerate(facets.T)}
     faces: dict[str, Edges] = {}
     first = 0
-    for faces_of, ring in zip(body.outlines, rings, strict=True):
-        for face, u in zip(faces_of, ring, strict=True):
+    for outline_faces, ring in zip(body.outlines, rings, strict=True):
+        for face, u in zip(outline_faces, ring, strict=True):
             ends = np.append(np.arange(first, first + len(u) - 1), outline.following[first + len(u) - 2])
             first += len(u) - 1
-            faces[face.name] = _along(face, u, number[ends], by_ends, places)
-    return BodyMesh(replace(mesh, doflocs=places.T.copy()), places, faces)
+            faces[face.name] = _edges_along(face, u, number[ends], midpoints, positions)
+    return BodyMesh(replace(mesh, doflocs=positions.T.copy()), positions, faces)
 
 
-def _along(
-    face: Face, u: FloatArray, ends: IndexArray, by_ends: Mapping[tuple[int, int], int], places: FloatArray
+def _edges_along(
+    face: Face, u: FloatArray, ends: IndexArray, midpoints: Mapping[tuple[int, int], int], positions: FloatArray
 ) -> Edges:
-    """Return the nodes along a face, after moving them to its curve, with midpoint nodes at half the edge length."""
+    """Return the nodes along a face; move the positions of its midpoint nodes to the curve."""
     middles_u = _middles(face, u)
-    middles = np.array([by_ends[min(a, b), max(a, b)] for a, b in pairwise(ends.tolist())], dtype=np.intp)
-    places[middles] = face.curve.points(middles_u)
+    middles = np.array([midpoints[min(a, b), max(a, b)] for a, b in pairwise(ends.tolist())], dtype=np.intp)
+    positions[middles] = face.curve.points(middles_u)
     all_u, nodes = np.empty(2 * len(u) - 1), np.empty(2 * len(u) - 1, dtype=np.intp)
     all_u[::2], all_u[1::2], nodes[::2], nodes[1::2] = u, middles_u, ends, middles
     return Edges(all_u, nodes)
 
 
 def _middles(face: Face, u: FloatArray) -> FloatArray:
-    """Return the parameters of the edge midpoints by length, from Newton's method on the difference of two chords."""
+    """Return the parameters at which both chords of each edge are equally long, from Newton's method."""
     a, b = face.curve.points(u[:-1]), face.curve.points(u[1:])
     middle = 0.5 * (u[:-1] + u[1:])
     for _ in range(3):

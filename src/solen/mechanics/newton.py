@@ -1,10 +1,12 @@
-"""One step of Newton's method towards the equilibrium of a held and loaded body.
+"""One step of Newton's method towards the equilibrium of a supported and loaded body.
 
-The unknowns are the displacements not fixed by the supports, the pressures, the forces of the fingers on the nodes in
-contact, and the depths of fingers with a given force. Their equations are the balance of forces, the areas, the circles
-of the fingers and their forces; given displacements are on the right-hand side.
+The unknowns are the displacements that the supports leave free, the pressures, the forces of the fingers on the nodes
+in contact, and the depths of fingers whose force is prescribed. The equations state, in this order, that the nodal
+forces balance, that the area ratios match the pressures, that the nodes in contact lie on the circles of their fingers,
+and that the nodal forces of a finger add up to its prescribed force. Prescribed displacements enter on the right-hand
+side.
 
-Public names: `step` and `Factors`.
+Public names: `step`, `Problem`, `Prescribed`, `Guess`, `Factors`, `StepResult` and `DivergedError`.
 """
 
 from typing import Any, NamedTuple
@@ -17,14 +19,14 @@ from solen.mechanics.elements import Elements
 from solen.mechanics.fingers import Finger, Pairs, Touch, touch_of
 from solen.mechanics.supports import Supports
 
-MIN_SHARE = 1 / 64
+MIN_FRACTION = 1 / 64
 """Smallest fraction of a step that is tried."""
 MAX_PUSH = 0.2
 """Largest step of a finger as a fraction of its radius; in a larger step, nodes could pass behind the finger."""
 
 
 PIVOT = 0.01
-"""Smallest pivot of the factors, relative to the largest; it suffices for these matrices and reduces fill-in."""
+"""Smallest pivot of the factorisation, relative to the largest; small enough to limit fill-in."""
 
 
 class DivergedError(Exception):
@@ -32,7 +34,7 @@ class DivergedError(Exception):
 
 
 class Problem(NamedTuple):
-    """A held body and the fingers that may touch it."""
+    """A supported body and the fingers that may touch it."""
 
     elements: Elements
     supports: Supports
@@ -40,16 +42,16 @@ class Problem(NamedTuple):
     pairs: Pairs
 
     def displaced(self, unknowns: FloatArray) -> FloatArray:
-        """Return positions (N, 2) of all nodes."""
-        return self.supports.points_mm + unknowns[: self.elements.displacements].reshape(-1, 2)
+        """Return the displaced positions (N, 2) of all nodes."""
+        return self.supports.points_mm + unknowns[: self.elements.displacement_count].reshape(-1, 2)
 
 
-class Demand(NamedTuple):
-    """Displacements (N, 2) given to nodes, forces on all components and of fingers (0 for none), N/mm."""
+class Prescribed(NamedTuple):
+    """Displacements (N, 2) of fixed nodes, forces on all displacement components, and of fingers (0: none), N/mm."""
 
-    given: FloatArray
-    pull: FloatArray
-    push: FloatArray
+    displacements: FloatArray
+    nodal_forces: FloatArray
+    finger_forces: FloatArray
 
 
 class Guess(NamedTuple):
@@ -62,33 +64,42 @@ class Guess(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """A stiffness matrix, its projection onto the free displacements, and the factors of the projection."""
+    """A stiffness matrix, its projection onto the free displacements, and the LU factors of the bordered projection."""
 
     matrix: Any
     projection: Any
-    factors: Any
+    lu: Any
 
 
-class Taken(NamedTuple):
-    """A completed step: its result, the pairs in contact, the largest movement of nodes, and the matrix used."""
+class StepResult(NamedTuple):
+    """The guess after a step, the pairs in contact, the largest movement of a node in a full step, and the factors."""
 
     guess: Guess
     active: BoolArray
     moved_mm: float
-    kept: Factors
+    factors: Factors
 
 
 class _Border(NamedTuple):
-    """Contact derivatives: of gaps by displacements, and of gaps and forces by finger depths."""
+    """Derivatives that the contact adds to the tangent: with respect to displacements, and to finger depths."""
 
-    gaps: Any  # (touching pairs, unknowns)
-    sinks: FloatArray  # (touching pairs, fingers)
-    turns: Any  # (unknowns, fingers)
-    curves: FloatArray  # (fingers,)
+    gap_gradients: Any  # (pairs in contact, unknowns)
+    closing: FloatArray  # (pairs in contact, fingers): decrease of the gap per depth
+    residual_rates: Any  # (unknowns, fingers)
+    force_rates: FloatArray  # (fingers,): decrease of the finger's force per depth
     stiffness: Any  # (unknowns, unknowns)
 
 
-def step(problem: Problem, guess: Guess, demand: Demand, kept: Factors | None) -> Taken:
+class _Change(NamedTuple):
+    """Changes of free displacements and hinge angles, of pressures and depths, and the new forces of the pairs."""
+
+    displacements: FloatArray
+    pressures: FloatArray
+    force: FloatArray
+    depth: FloatArray
+
+
+def step(problem: Problem, guess: Guess, prescribed: Prescribed, factors: Factors | None) -> StepResult:
     """Take one step, shortened if an element would turn inside out.
 
     Raises
@@ -96,97 +107,84 @@ def step(problem: Problem, guess: Guess, demand: Demand, kept: Factors | None) -
     DivergedError
         If every fraction of the step turns an element inside out; the error gives the element's position.
     """
-    elements, supports = problem.elements, problem.supports
+    elements = problem.elements
+    forced = prescribed.finger_forces > 0.0
     touch = touch_of(problem.fingers, problem.pairs, problem.displaced(guess.unknowns), guess.depth)
-    active = touch.active(guess.force, elements.material.shear_modulus_MPa, demand.push > 0.0)
+    active = touch.active(guess.force, elements.material.shear_modulus_MPa, forced)
     force = np.where(active, guess.force, 0.0)
     residual = elements.forces(guess.unknowns)
-    residual[: elements.displacements] -= demand.pull
-    border = _border(problem, touch, active, force, demand.push > 0.0)
-    if kept is None or problem.fingers:
-        kept = _factors(problem, guess, residual, border, force)
-    jump = np.zeros(elements.unknowns)
-    held = (2 * supports.fixed[:, None] + np.arange(2)).ravel()
-    jump[held] = demand.given.ravel()[held] - guess.unknowns[held]
-    solved = _solved(problem, guess, kept, residual, jump, border, touch.gap_mm[active], demand.push)
-    after = np.zeros_like(force)
-    after[active] = solved.pushes
-    return _shortened(problem, guess, jump, solved, after, Taken(guess, active, 0.0, kept))
+    residual[: elements.displacement_count] -= prescribed.nodal_forces
+    border = _border(problem, touch, active, force, forced)
+    if factors is None or problem.fingers:
+        factors = _factorise(problem, guess, residual, border, force)
+    jump = _jump(problem, guess, prescribed)
+    right = [
+        -(_projection(problem, guess.angles).T @ (residual + factors.matrix @ jump)),
+        -touch.gap_mm[active] - border.gap_gradients @ jump,
+        prescribed.finger_forces[forced] - border.residual_rates.T @ jump,
+    ]
+    change = _change(problem, factors, factors.lu.solve(np.concatenate(right)), active, forced)
+    reached, moved_mm = _shortened(problem, guess, jump, change)
+    return StepResult(reached, active, moved_mm, factors)
 
 
-class _Solved(NamedTuple):
-    moves: FloatArray
-    pressures: FloatArray
-    pushes: FloatArray
-    deeper: FloatArray
+def _jump(problem: Problem, guess: Guess, prescribed: Prescribed) -> FloatArray:
+    """Return the change of all unknowns that moves the fixed nodes to their prescribed positions."""
+    jump = np.zeros(problem.elements.unknown_count)
+    fixed = (2 * problem.supports.fixed[:, None] + np.arange(2)).ravel()
+    jump[fixed] = prescribed.displacements.ravel()[fixed] - guess.unknowns[fixed]
+    return jump
 
 
-def _solved(
-    problem: Problem,
-    guess: Guess,
-    kept: Factors,
-    residual: FloatArray,
-    jump: FloatArray,
-    border: _Border,
-    gap: FloatArray,
-    push: FloatArray,
-) -> _Solved:
-    """Return the solution of the linear equations."""
-    right = [-(_projection(problem, guess.angles).T @ (residual + kept.matrix @ jump))]
-    right.append(-gap - border.gaps @ jump)
-    right.append(push[push > 0.0] - border.turns.T @ jump)
-    solution = kept.factors.solve(np.concatenate(right))
-    pressures = problem.elements.unknowns - problem.elements.displacements
-    moves = kept.projection.shape[1] - pressures
-    ends = np.cumsum([moves, pressures, len(gap)])
-    parts = np.split(solution, ends)
-    deeper = np.zeros(len(push))
-    deeper[push > 0.0] = parts[3]
-    return _Solved(parts[0], parts[1], parts[2], deeper)
+def _change(problem: Problem, factors: Factors, solution: FloatArray, active: BoolArray, forced: BoolArray) -> _Change:
+    """Split the solution of the linear equations into its parts."""
+    pressures = problem.elements.unknown_count - problem.elements.displacement_count
+    displacements = factors.projection.shape[1] - pressures
+    parts = np.split(solution, np.cumsum([displacements, pressures, active.sum()]))
+    force, depth = np.zeros(len(active)), np.zeros(len(forced))
+    force[active], depth[forced] = parts[2], parts[3]
+    return _Change(parts[0], parts[1], force, depth)
 
 
-def _shortened(
-    problem: Problem, guess: Guess, jump: FloatArray, solved: _Solved, force: FloatArray, taken: Taken
-) -> Taken:
-    """Return the step, halved until no element turns inside out."""
-    count = problem.elements.displacements
+def _shortened(problem: Problem, guess: Guess, jump: FloatArray, change: _Change) -> tuple[Guess, float]:
+    """Return the guess after the step, halved until no element turns inside out, and the movement in a full step."""
+    count = problem.elements.displacement_count
     before = guess.unknowns[:count].reshape(-1, 2)
     radii = np.array([finger.press.radius_mm for finger in problem.fingers])
-    share = float(np.min(MAX_PUSH * radii / np.maximum(np.abs(solved.deeper), 1e-300), initial=1.0))
+    fraction = float(np.min(MAX_PUSH * radii / np.maximum(np.abs(change.depth), 1e-300), initial=1.0))
     while True:
-        jumped = before + share * jump[:count].reshape(-1, 2)
-        moves, angles = problem.supports.moved(jumped, share * solved.moves, guess.angles)
-        unknowns = np.concatenate([moves.ravel(), guess.unknowns[count:] + share * solved.pressures])
+        jumped = before + fraction * jump[:count].reshape(-1, 2)
+        after, angles = problem.supports.moved(jumped, fraction * change.displacements, guess.angles)
+        unknowns = np.concatenate([after.ravel(), guess.unknowns[count:] + fraction * change.pressures])
         if not np.isfinite(unknowns).all():
             raise DivergedError("its equations have no unique solution")
-        bad = problem.elements.turned_inside_out(unknowns)
-        if not bad.any():
+        inverted = problem.elements.inverted(unknowns)
+        if not inverted.any():
             break
-        share *= 0.5
-        if share < MIN_SHARE:
-            raise DivergedError(f"an element turns inside out at {_place(problem, bad)}")
-    moved = float(np.abs(moves - before).max()) / share
-    depth = guess.depth + share * solved.deeper
-    reached = Guess(unknowns, angles, depth, guess.force + share * (force - guess.force))
-    return taken._replace(guess=reached, moved_mm=moved)
+        fraction *= 0.5
+        if fraction < MIN_FRACTION:
+            raise DivergedError(f"an element turns inside out at {_centre_text(problem, inverted)}")
+    depth = guess.depth + fraction * change.depth
+    force = guess.force + fraction * (change.force - guess.force)
+    return Guess(unknowns, angles, depth, force), float(np.abs(after - before).max()) / fraction
 
 
-def _place(problem: Problem, bad: BoolArray) -> str:
-    nodes = problem.elements.nodes[int(np.flatnonzero(bad)[0])]
+def _centre_text(problem: Problem, inverted: BoolArray) -> str:
+    nodes = problem.elements.nodes[int(np.flatnonzero(inverted)[0])]
     x, z = problem.supports.points_mm[nodes].mean(axis=0)
     return place_text((float(x), float(z)))
 
 
 def _projection(problem: Problem, angles: FloatArray) -> Any:
-    """Return the matrix from free to all unknowns: T of the supports, and the pressures."""
+    """Return the matrix from free displacements and pressures to all unknowns: T of the supports, and the identity."""
     from scipy.sparse import block_diag, csc_array, eye_array
 
-    pressures = problem.elements.unknowns - problem.elements.displacements
+    pressures = problem.elements.unknown_count - problem.elements.displacement_count
     matrix = problem.supports.matrix(angles)
     return csc_array(block_diag([matrix, eye_array(pressures)])) if pressures else matrix
 
 
-def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Border, force: FloatArray) -> Factors:
+def _factorise(problem: Problem, guess: Guess, residual: FloatArray, border: _Border, force: FloatArray) -> Factors:
     """Return the factors of the matrix at a guess, bordered by the contact equations."""
     from scipy.sparse import block_array, csc_array, diags_array
     from scipy.sparse.linalg import splu
@@ -195,19 +193,19 @@ def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Bord
     projection = _projection(problem, guess.angles)
     inner = projection.T @ matrix @ projection
     if problem.supports.hinges:
-        exerted = residual - border.gaps.T @ force[force > 0.0] if force.any() else residual
-        bent = problem.supports.hinge_stiffness(guess.angles, exerted[: problem.elements.displacements])
-        first = problem.supports.matrix(guess.angles).shape[1] - len(bent)
+        exerted = residual - border.gap_gradients.T @ force[force > 0.0] if force.any() else residual
+        stiffness = problem.supports.hinge_stiffness(guess.angles, exerted[: problem.elements.displacement_count])
+        first = problem.supports.matrix(guess.angles).shape[1] - len(stiffness)
         diagonal = np.zeros(inner.shape[0])
-        diagonal[first : first + len(bent)] = bent
+        diagonal[first : first + len(stiffness)] = stiffness
         inner = inner + diags_array(diagonal)
-    if border.gaps.shape[0] or border.curves.size:
-        gaps, turns = border.gaps @ projection, projection.T @ border.turns
+    if border.gap_gradients.shape[0] or border.force_rates.size:
+        gaps, rates = border.gap_gradients @ projection, projection.T @ border.residual_rates
         inner = block_array(
             [
-                [inner, -gaps.T, turns],
-                [gaps, None, -csc_array(border.sinks)],
-                [turns.T, csc_array(border.sinks.T), -diags_array(border.curves)],
+                [inner, -gaps.T, rates],
+                [gaps, None, -csc_array(border.closing)],
+                [rates.T, csc_array(border.closing.T), -diags_array(border.force_rates)],
             ]
         )
     try:
@@ -219,24 +217,23 @@ def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Bord
 def _border(problem: Problem, touch: Touch, active: BoolArray, force: FloatArray, forced: BoolArray) -> _Border:
     from scipy.sparse import csc_array
 
-    unknowns = problem.elements.unknowns
+    unknowns = problem.elements.unknown_count
     nodes, finger = problem.pairs.node[active], problem.pairs.finger[active]
-    normal, pushed = touch.normal[active], force[active] / touch.distance_mm[active]
-    ways = np.array([finger.way for finger in problem.fingers]).reshape(-1, 2)[finger]
-    rows = np.repeat(np.arange(len(nodes)), 2)
-    columns = (2 * nodes[:, None] + np.arange(2)).ravel()
-    gaps = csc_array((normal.ravel(), (rows, columns)), shape=(len(nodes), unknowns))
-    across = np.eye(2) - normal[:, :, None] * normal[:, None, :]
-    blocks = -pushed[:, None, None] * across
-    first, second = np.repeat(columns.reshape(-1, 2), 2, axis=1), np.tile(columns.reshape(-1, 2), 2)
-    stiffness = csc_array((blocks.ravel(), (first.ravel(), second.ravel())), shape=(unknowns, unknowns))
-    which = np.cumsum(forced) - 1
+    normal, curvature = touch.normal[active], force[active] / touch.distance_mm[active]
+    directions = np.array([finger.direction for finger in problem.fingers]).reshape(-1, 2)[finger]
+    components = 2 * nodes[:, None] + np.arange(2)
+    pairs = np.repeat(np.arange(len(nodes)), 2)
+    gaps = csc_array((normal.ravel(), (pairs, components.ravel())), shape=(len(nodes), unknowns))
+    tangential = np.eye(2) - normal[:, :, None] * normal[:, None, :]
+    blocks = -curvature[:, None, None] * tangential
+    rows, columns = np.repeat(components, 2, axis=1), np.tile(components, 2)
+    stiffness = csc_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(unknowns, unknowns))
     own = forced[finger] if len(finger) else np.zeros(0, dtype=bool)
+    column = (np.cumsum(forced) - 1)[finger[own]]
     count = int(forced.sum())
-    sinks, curves = np.zeros((len(nodes), count)), np.zeros(count)
-    slid = np.einsum("n,nij,nj->ni", pushed, across, ways)
-    sinks[np.flatnonzero(own), which[finger[own]]] = np.sum(normal * ways, axis=1)[own]
-    np.add.at(curves, which[finger[own]], np.sum(ways * slid, axis=1)[own])
-    places = (columns.reshape(-1, 2)[own].ravel(), np.repeat(which[finger[own]], 2))
-    turns = csc_array((slid[own].ravel(), places), shape=(unknowns, count))
-    return _Border(gaps, sinks, turns, curves, stiffness)
+    closing, force_rates = np.zeros((len(nodes), count)), np.zeros(count)
+    slide = np.einsum("n,nij,nj->ni", curvature, tangential, directions)
+    closing[np.flatnonzero(own), column] = np.sum(normal * directions, axis=1)[own]
+    np.add.at(force_rates, column, np.sum(directions * slide, axis=1)[own])
+    rates = (slide[own].ravel(), (components[own].ravel(), np.repeat(column, 2)))
+    return _Border(gaps, closing, csc_array(rates, shape=(unknowns, count)), force_rates, stiffness)

@@ -32,11 +32,11 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     Raises
     ------
     DesignError
-        If the stretch names no face of an outline, or extends beyond the end of all faces that it names.
+        If the stretch names no face of an outline, or lies outside all faces that it names.
     """
     named = [face for face in body.all_faces if called(face, stretch.face)]
     if not named:
-        raise _unknown(body, stretch.face, what)
+        raise _unknown_face(body, stretch.face, what)
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
     if stretch.to_mm is not None and stretch.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
@@ -48,56 +48,55 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     return parts
 
 
-def place_of(body: Body, press: Press) -> tuple[Face, float]:
+def contact_position(body: Body, press: Press) -> tuple[Face, float]:
     """Return the face and parameter of a finger's first contact; raise `DesignError` if there is none."""
     named = [face for face in body.all_faces if called(face, press.face)]
     if not named:
-        raise _unknown(body, press.face, press.name)
+        raise _unknown_face(body, press.face, press.name)
     ends = []
     for face in named:
         measure = Measure(face.curve)
-        own_mm = press.at_mm - face.begins_mm
+        length_mm = press.at_mm - face.begins_mm
         ends.append(face.begins_mm + measure.length_mm)
-        if 0.0 <= own_mm <= measure.length_mm:
-            return face, measure.u_at(measure.length_mm - own_mm if face.from_end else own_mm)
+        if 0.0 <= length_mm <= measure.length_mm:
+            return face, measure.u_at(measure.length_mm - length_mm if face.from_end else length_mm)
     limit = f"must be from 0 to {max(ends):.4g} mm, the length of {press.face}"
     raise DesignError(f"{press.name}.at_mm", value=press.at_mm, limit=limit)
 
 
 def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[str, list[float]]:
-    """Return the parameters, by face, at which elements must end: ends of stretches and finger contacts."""
+    """Return the parameters at which elements must end, keyed by face: ends of stretches and finger contacts."""
     cuts: dict[str, list[float]] = defaultdict(list)
-    for one in (*holds, *loads):
-        if isinstance(one, Press):
-            face, u = place_of(body, one)
+    for constraint in (*holds, *loads):
+        if isinstance(constraint, Press):
+            face, u = contact_position(body, constraint)
             cuts[face.name].append(u)
             continue
-        for stretch in one.stretches:
-            for part in parts_of(body, stretch, one.name):
+        for stretch in constraint.stretches:
+            for part in parts_of(body, stretch, constraint.name):
                 cuts[part.face.name] += [u for u in (part.u_from, part.u_to) if 0.0 < u < 1.0]
     return dict(cuts)
 
 
 def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str) -> list[tuple[Face, IndexArray]]:
-    """Return the nodes on parts covered by stretches, in order along each; every second is an edge midpoint."""
-    found = []
+    """Return the nodes on the parts covered by stretches, in order along each; every second is an edge midpoint."""
+    nodes = []
     for stretch in stretches:
         for part in parts_of(body, stretch, what):
             edges = mesh.faces[part.face.name]
             low, high = (int(np.argmin(np.abs(edges.u[::2] - u))) for u in (part.u_from, part.u_to))
-            found.append((part.face, edges.nodes[2 * low : 2 * high + 1]))
-    return found
+            nodes.append((part.face, edges.nodes[2 * low : 2 * high + 1]))
+    return nodes
 
 
-def edge_shares(points: FloatArray, nodes: IndexArray) -> FloatArray:
-    """Return the length (N,) of edge that each node represents, with Simpson weights 1/6, 4/6, 1/6 per edge."""
-    ends = points[nodes[::2]]
-    lengths = np.hypot(*np.diff(ends, axis=0).T)
-    shares = np.zeros(len(nodes))
-    shares[1::2] = 4.0 / 6.0 * lengths
-    shares[:-1:2] += lengths / 6.0
-    shares[2::2] += lengths / 6.0
-    return shares
+def nodal_lengths(points: FloatArray, nodes: IndexArray) -> FloatArray:
+    """Return the length (N,) that each node along a face represents, with Simpson weights 1/6, 4/6, 1/6 per edge."""
+    edges_mm = np.hypot(*np.diff(points[nodes[::2]], axis=0).T)
+    lengths = np.zeros(len(nodes))
+    lengths[1::2] = 4.0 / 6.0 * edges_mm
+    lengths[:-1:2] += edges_mm / 6.0
+    lengths[2::2] += edges_mm / 6.0
+    return lengths
 
 
 def _covered(face: Face, stretch: Stretch) -> Part | None:
@@ -111,6 +110,6 @@ def _covered(face: Face, stretch: Stretch) -> Part | None:
     return Part(face, u_from, u_to)
 
 
-def _unknown(body: Body, name: str, what: str) -> DesignError:
-    known = ", ".join(face.name for face in body.all_faces)
-    return DesignError(f"{what}.face", value=name, limit=f"is not the name of a face; the faces are {known}")
+def _unknown_face(body: Body, name: str, what: str) -> DesignError:
+    names = ", ".join(face.name for face in body.all_faces)
+    return DesignError(f"{what}.face", value=name, limit=f"is not a face; the faces are {names}")

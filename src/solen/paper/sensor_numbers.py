@@ -44,7 +44,7 @@ def contrasts(sensor: Sensor) -> Contrasts:
 
 def saturation_deg(sensor: Sensor) -> float | None:
     """Return the angle from the null beyond which the contrast is saturated."""
-    return sensor.smooth(sensor.power()).saturation_deg()
+    return sensor.refined(sensor.power()).saturation_deg()
 
 
 def ratio(part: tuple[float, float], total: tuple[float, float]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""An analogue-to-digital converter: range, steps and intrinsic noise.
+"""An analogue-to-digital converter (ADC): range, steps and intrinsic noise.
 
 Public name: `Adc`.
 """
@@ -16,7 +16,7 @@ from solen.results import reported
 
 @dataclass(frozen=True)
 class Adc:
-    """A converter in one range.
+    """An ADC in one of its ranges.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Adc:
     low_V, high_V
         Limits of the range; the largest reading is ``high_V`` minus one step.
     noise_V
-        Standard deviation of the converter's intrinsic noise.
+        Standard deviation of the ADC's intrinsic noise.
     bandwidth_kHz
         Input bandwidth; inf if unknown.
     """
@@ -41,10 +41,10 @@ class Adc:
 
     @classmethod
     def of(cls, part: AdcPart, supply_V: float, range_V: tuple[float, float] | None = None) -> "Adc":
-        """Converter in a requested range, or in its smallest range from 0 that includes the supply voltage."""
-        chosen = _stated(part, range_V) if range_V is not None else _smallest(part, supply_V)
+        """Return the ADC in a requested range, by default in the smallest range that includes 0 and the supply."""
+        selected = _requested_range(part, range_V) if range_V is not None else _smallest_range(part, supply_V)
         bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.nominal
-        return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
+        return cls(part.name, part.bits, selected.low_v, selected.high_v, 1e-6 * selected.noise_uv, bandwidth)
 
     @reported
     def step_V(self) -> float:
@@ -58,24 +58,26 @@ class Adc:
 
     @property
     def top_V(self) -> float:
-        """Largest voltage that the converter can read."""
+        """Largest voltage that the ADC can read."""
         return self.high_V - self.step_V
 
     def read(self, volts: FloatArray) -> FloatArray:
-        """Voltages (...) as read by the converter: rounded to steps and clipped to the range."""
-        numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
-        return np.asarray(self.low_V + self.step_V * numbers)
+        """Return voltages (...) as read by the ADC: rounded to steps and clipped to the range."""
+        codes = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
+        return np.asarray(self.low_V + self.step_V * codes)
 
 
-def _smallest(part: AdcPart, supply_V: float) -> AdcRange:
-    by_width = sorted(part.range, key=lambda one: one.high_v - one.low_v)
-    holds = (one for one in by_width if one.low_v <= 0.0 and one.high_v > supply_V)
-    return next(holds, by_width[-1])
+def _smallest_range(part: AdcPart, supply_V: float) -> AdcRange:
+    """Return the smallest range that includes 0 and the supply, or the widest range if there is none."""
+    ranges = sorted(part.range, key=lambda adc_range: adc_range.high_v - adc_range.low_v)
+    sufficient = (adc_range for adc_range in ranges if adc_range.low_v <= 0.0 and adc_range.high_v > supply_V)
+    return next(sufficient, ranges[-1])
 
 
-def _stated(part: AdcPart, range_V: tuple[float, float]) -> AdcRange:
-    for one in part.range:
-        if (one.low_v, one.high_v) == range_V:
-            return one
-    ranges = ", ".join(f"[{one.low_v:g}, {one.high_v:g}]" for one in part.range)
-    raise SpecError("readout.adc_range_v", value=list(range_V), limit=f"is not a range of {part.name}", remedy=ranges)
+def _requested_range(part: AdcPart, range_V: tuple[float, float]) -> AdcRange:
+    for adc_range in part.range:
+        if (adc_range.low_v, adc_range.high_v) == range_V:
+            return adc_range
+    ranges = ", ".join(f"[{adc_range.low_v:g}, {adc_range.high_v:g}]" for adc_range in part.range)
+    limit, remedy = f"is not a range of {part.name}", f"set one of {ranges}"
+    raise SpecError("readout.adc_range_v", value=list(range_V), limit=limit, remedy=remedy)

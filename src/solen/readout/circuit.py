@@ -1,12 +1,12 @@
-"""The complete circuit of a design: emitter, a phototransistor and load for each receiver, and converter.
+"""The complete circuit of a design: emitter, a phototransistor and load for each receiver, and ADC.
 
-Parts have typical values and tolerances. A `Circuit` is one set of parts; `spread` returns the set with typical parts
+Parts have typical values and tolerances. A `Circuit` is one set of parts; `cases_of` returns the set with typical parts
 and the sets with the weakest and the strongest emitter and receivers, and `Circuit.drawn` a random set.
 
-Assumptions: light is uniform over a receiver's face, so a part detects power over area regardless of its position; and
-the part responds through its window as in air.
+Assumptions: the irradiance is uniform over a receiver's face, so the position of the receiver on the face does not
+matter; and the receiver responds as if it were in air.
 
-Public names: `circuit_of`, `spread`, `face_areas_mm2` and `Circuit`.
+Public names: `circuit_of`, `cases_of`, `face_areas_mm2` and `Circuit`.
 """
 
 from collections.abc import Mapping
@@ -30,9 +30,9 @@ Floats = float | FloatArray
 
 Case = Literal["dimmest", "typical", "brightest"]
 MM2_PER_CM2 = 100.0
-NOISE_OF_3DB = 0.5 * np.pi
+NOISE_PER_CORNER = 0.5 * np.pi
 """Noise bandwidth of a first-order filter relative to its 3 dB frequency."""
-USUAL_EMITTER = "VSMY1850"
+DEFAULT_EMITTER = "VSMY1850"
 
 _P = TypeVar("_P", bound=Part)
 
@@ -48,9 +48,9 @@ class Circuit:
     area_mm2
         Areas of the receiver faces; power fractions refer to all light through a face.
     drive, transistor, adc
-        The emitter at its current, the receiver type, and the converter.
+        The emitter at its current, the receiver type, and the ADC.
     sensitivity_uA
-        Current of each receiver at 1 mW/cm² of the specified wavelength.
+        Current of each receiver at 1 mW/cm² of the datasheet's wavelength.
     load_ohm
         Load resistance of each receiver.
     supply_V
@@ -80,7 +80,7 @@ class Circuit:
                 raise SpecError(name, value=list(values), limit=limit)
 
     def irradiance_mW_cm2(self, power_fraction: FloatArray, temperature_C: Floats = REFERENCE_C) -> FloatArray:
-        """Mean irradiance of the faces (..., R) from fractions (..., R) of the emitted power."""
+        """Return the mean irradiance of the faces (..., R) for fractions (..., R) of the emitted power."""
         per_fraction = _column(self.drive.power_mW(temperature_C), power_fraction)
         return np.asarray(power_fraction * per_fraction / (np.array(self.area_mm2) / MM2_PER_CM2))
 
@@ -90,24 +90,24 @@ class Circuit:
         ambient_mW_cm2: Floats = 0.0,
         temperature_C: Floats = REFERENCE_C,
     ) -> FloatArray:
-        """Currents (..., R) that the light generates, including dark current.
+        """Return the currents (..., R) that the light generates, including dark current.
 
-        ``ambient_mW_cm2`` is the equivalent light at the wavelength for which the sensitivity is specified; it and
+        ``ambient_mW_cm2`` is the equivalent irradiance at the wavelength for which the sensitivity is specified; it and
         ``temperature_C`` are a single number, one per row (...,), or one per reading (..., R).
         """
-        seen = self.transistor.response * self.irradiance_mW_cm2(power_fraction, temperature_C)
+        light = self.transistor.response * self.irradiance_mW_cm2(power_fraction, temperature_C)
         ambient, temperature = _column(ambient_mW_cm2, power_fraction), _column(temperature_C, power_fraction)
-        return self.transistor.current_mA(seen + ambient, np.array(self.sensitivity_uA), temperature)
+        return self.transistor.current_mA(light + ambient, np.array(self.sensitivity_uA), temperature)
 
     def load_line(self, current_mA: FloatArray) -> LoadLine:
-        """Load line voltages and slopes (..., R) for photocurrents (..., R)."""
-        knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
-        return load_line(current_mA, loads, self.supply_V, *knee)
+        """Return the operating points (..., R) for photocurrents (..., R)."""
+        transistor, loads = self.transistor, np.array(self.load_ohm)
+        return load_line(current_mA, loads, self.supply_V, transistor.saturation_V, transistor.knee_V)
 
     def slope_V(
         self, power_fraction: FloatArray, ambient_mW_cm2: Floats = 0.0, temperature_C: Floats = REFERENCE_C
     ) -> FloatArray:
-        """Change of the voltages (..., R) per fraction of the emitted power; negative, because brighter is lower."""
+        """Return the change of the voltages (..., R) per fraction of the emitted power; negative: brighter is lower."""
         ends = (np.ones_like(power_fraction), np.zeros_like(power_fraction))
         lit, dark = (self.current_mA(end, ambient_mW_cm2, temperature_C) for end in ends)
         line = self.load_line(self.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
@@ -120,89 +120,89 @@ class Circuit:
 
     @reported
     def noise_bandwidth_hz(self) -> FloatArray:
-        """Noise bandwidth (R,) of receiver and load, or of the converter input if that is lower."""
+        """Noise bandwidth (R,) of receiver and load, or of the ADC input if that is lower."""
         corner_hz = 1e6 / (2.0 * np.pi * self.time_constant_us)
-        return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
+        return np.asarray(NOISE_PER_CORNER * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
 
     def drawn(self, rng: np.random.Generator) -> "Circuit":
-        """A copy with random parts, with each sensitivity uniformly distributed between the datasheet limits.
+        """Return a copy with random parts.
 
-        The emitter power is also uniformly distributed between its limits.
+        Each sensitivity and the emitter power are uniformly distributed between their datasheet limits.
         """
         part, drive = self.transistor, self.drive
-        chosen = rng.uniform(part.min_uA, part.max_uA, len(self.names))
+        sensitivities = rng.uniform(part.min_uA, part.max_uA, len(self.names))
         power = float(rng.uniform(drive.min_mW, drive.max_mW))
-        return replace(self, sensitivity_uA=tuple(chosen.tolist()), drive=replace(drive, typical_mW=power))
+        return replace(self, sensitivity_uA=tuple(sensitivities.tolist()), drive=replace(drive, typical_mW=power))
 
     def with_load(self, load_ohm: float) -> "Circuit":
-        """A copy with a different load at every receiver."""
+        """Return a copy with a new load, the same at every receiver."""
         return replace(self, load_ohm=(load_ohm,) * len(self.names))
 
 
 def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
-    """Circuit of a design with typical parts.
+    """Return the circuit of a design with typical parts.
 
     Parameters
     ----------
     design
         Design with its ``[readout]`` and its emitter's light.
     area_mm2
-        Face area of each receiver by name, from `face_areas_mm2`.
+        Face area of each receiver, keyed by name, from `face_areas_mm2`.
 
     Raises
     ------
     DataError
         If a part is not found, cannot be read or is of the wrong kind.
     SpecError
-        If the converter does not have the requested range.
+        If the ADC does not have the requested range.
     """
-    stated = design.readout
+    readout = design.readout
     part = named_part(design, "part", ReceiverPart)
     transistor = Phototransistor.of(part, light_of(design))
     return Circuit(
         names=tuple(area_mm2),
         area_mm2=tuple(area_mm2.values()),
-        drive=Drive.of(emitter_part(design), stated.emitter_current_ma),
+        drive=Drive.of(emitter_part(design), readout.emitter_current_ma),
         transistor=transistor,
-        adc=Adc.of(named_part(design, "adc", AdcPart), stated.supply_v, stated.adc_range_v),
+        adc=Adc.of(named_part(design, "adc", AdcPart), readout.supply_v, readout.adc_range_v),
         sensitivity_uA=(transistor.typical_uA,) * len(area_mm2),
-        load_ohm=(stated.load_ohm,) * len(area_mm2),
-        supply_V=stated.supply_v,
-        samples=stated.samples,
-        rate_hz=stated.rate_hz,
+        load_ohm=(readout.load_ohm,) * len(area_mm2),
+        supply_V=readout.supply_v,
+        samples=readout.samples,
+        rate_hz=readout.rate_hz,
     )
 
 
-def spread(circuit: Circuit) -> dict[Case, Circuit]:
-    """The circuit with the weakest, with typical, and with the strongest emitter and receivers."""
+def cases_of(circuit: Circuit) -> dict[Case, Circuit]:
+    """Return the circuit with the weakest, with typical, and with the strongest emitter and receivers."""
     part, drive, count = circuit.transistor, circuit.drive, len(circuit.names)
     ends: dict[Case, tuple[float, float]] = {
         "dimmest": (part.min_uA, drive.min_mW),
         "brightest": (part.max_uA, drive.max_mW),
     }
-    made = {
+    cases = {
         case: replace(circuit, sensitivity_uA=(uA,) * count, drive=replace(drive, typical_mW=mW))
         for case, (uA, mW) in ends.items()
     }
-    return {"dimmest": made["dimmest"], "typical": circuit, "brightest": made["brightest"]}
+    return {"dimmest": cases["dimmest"], "typical": circuit, "brightest": cases["brightest"]}
 
 
 def emitter_part(design: Design) -> EmitterPart:
-    """Emitter that determines the power: from the readout, or else from the light source, or else the paper's."""
+    """Return the emitter that determines the power: of the readout, else of the light source, else of the paper."""
     if design.readout.emitter_part is not None:
         return named_part(design, "emitter_part", EmitterPart)
-    name = design.emitter.part or USUAL_EMITTER
+    name = design.emitter.part or DEFAULT_EMITTER
     path = design.named_file(name)
     return _of_kind("emitter.part", library_part(name) if path is None else load_part(path), EmitterPart)
 
 
 def trimmer_part(design: Design) -> TrimmerPart:
-    """Trimmer that sets the loads."""
+    """Return the trimmer that sets the loads."""
     return named_part(design, "trimmer", TrimmerPart)
 
 
 def named_part(design: Design, key: str, kind: type[_P]) -> _P:
-    """Part named by a readout key; `DataError` if the part is of the wrong kind."""
+    """Return the part that a readout key names; raise `DataError` if it is of the wrong kind."""
     name = getattr(design.readout, key)
     path = design.named_file(name)
     return _of_kind(f"readout.{key}", library_part(name) if path is None else load_part(path), kind)
@@ -210,14 +210,14 @@ def named_part(design: Design, key: str, kind: type[_P]) -> _P:
 
 def _of_kind(key: str, part: Part, kind: type[_P]) -> _P:
     if not isinstance(part, kind):
-        wanted = kind.__name__.removesuffix("Part").lower()
-        article = "an" if wanted[0] in "aeiou" else "a"
-        raise DataError(key, value=part.name, limit=f"is of kind {part.kind}, but {article} {wanted} is required")
+        required = kind.__name__.removesuffix("Part").lower()
+        article = "an" if required[0] in "aeiou" else "a"
+        raise DataError(key, value=part.name, limit=f"is of kind {part.kind}, but {article} {required} is required")
     return part
 
 
 def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
-    """Face area of each receiver: length in the plane times height along y (default: the body height)."""
+    """Return the face area of each receiver: its length in the plane times its height (default: the body's)."""
     height = design.receivers.height_mm or design.body.thickness_mm
     areas: dict[str, float] = {}
     for face in (*body.all_faces, *body.apart):
@@ -226,7 +226,7 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
     return dict(sorted(areas.items(), reverse=True))
 
 
-def _column(values: Floats, beside: FloatArray) -> FloatArray:
-    """Numbers per row as a column that broadcasts with readings (..., R); other shapes are unchanged."""
+def _column(values: Floats, readings: FloatArray) -> FloatArray:
+    """Return numbers per row as a column that broadcasts with readings (..., R); other shapes are unchanged."""
     column = np.asarray(values, dtype=float)
-    return column[..., None] if 0 < column.ndim < np.ndim(beside) else column
+    return column[..., None] if 0 < column.ndim < np.ndim(readings) else column

@@ -11,18 +11,18 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.parts import TrimmerPart
 from solen.readout.advice import Advice, advise, slopes_V_per_deg
-from solen.readout.circuit import Case, Circuit, spread
+from solen.readout.circuit import Case, Circuit, cases_of
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import Noise, noise
 from solen.results import Result, reported
 
-MAX_STEP = 0.25
-"""Change in a reading between angles, as a fraction of its range, above which a slope counts as coarse."""
+MAX_STEP_FRACTION = 0.25
+"""Largest change of a reading from angle to angle, as a fraction of its range, that causes no warning."""
 
 
 @dataclass(frozen=True)
 class VoltageRange:
-    """Range of voltages over a motion, within the supply voltage.
+    """Range of the voltages over a motion.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class VoltageRange:
     used_of_supply
         Fraction of the supply voltage between them.
     best_resolution_deg, worst_resolution_deg
-        Best and worst resolution from one reading of all receivers; None if nothing changes.
+        Best and worst resolution from one reading of all receivers; None if no voltage changes.
     """
 
     lowest_V: float
@@ -49,7 +49,7 @@ class Readings(Result):
     circuit
         Circuit with typical parts.
     angle_deg
-        Angles, ascending, (A,).
+        Angles (A,) in ascending order.
     power_fraction, u_power
         Fraction of the emitted power (A, R), and its uncertainty (A,).
     voltage_by_case_V
@@ -57,9 +57,9 @@ class Readings(Result):
     off_V
         Voltages with the emitter off.
     noise
-        Noise of a sample with the emitter on.
+        Noise with the emitter on.
     sd_V
-        Noise of an "on" reading after ambient light subtraction.
+        Noise of an "on" reading after subtraction of ambient light.
     slope_V_per_deg
         Slope of the voltages with typical parts.
     resolution_deg, resolution_of_all_deg
@@ -68,7 +68,7 @@ class Readings(Result):
     drift_V_per_K
         Temperature coefficient of the voltages with typical parts.
     advice
-        Advice on the loads.
+        Advice on the load.
     """
 
     circuit: Circuit
@@ -97,7 +97,7 @@ class Readings(Result):
 
     @reported
     def contrast(self) -> FloatArray:
-        """(R − L)/(R + L) of the voltage drops caused by the emitter's light, (A,); NaN without a drop."""
+        """Contrast (R − L)/(R + L) of the voltage drops caused by the emitter's light, (A,); NaN without a drop."""
         drop = self.off_V - self.voltage_V
         right, left = (drop[:, self.circuit.names.index(name)] for name in ("right", "left"))
         total = right + left
@@ -106,7 +106,7 @@ class Readings(Result):
 
     @reported
     def u_trace_V(self) -> FloatArray:
-        """Uncertainty of the voltages due to the uncertainty of the traced power, (A, R)."""
+        """Uncertainty of the voltages due to that of the traced power, (A, R)."""
         return np.asarray(self.u_power[:, None] * np.abs(self.circuit.slope_V(self.power_fraction)))
 
     @reported
@@ -117,24 +117,23 @@ class Readings(Result):
         ends = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         return VoltageRange(low, high, (high - low) / self.circuit.supply_V, *ends)
 
-    def coarse(self) -> Iterator[str]:
-        """Warning if the angles are too far apart to determine slopes."""
-        yield from coarse_steps(self.angle_deg, self.voltage_V, "use a smaller motion.step_deg")
+    def coarse_step_warnings(self) -> Iterator[str]:
+        """Yield a warning if the angles are too far apart to determine slopes."""
+        yield from coarse_step_warnings(self.angle_deg, self.voltage_V, "use a smaller motion.step_deg")
 
 
-def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Iterator[str]:
-    """Warning if angles (A,) are too far apart to determine the slopes of voltages (A, R)."""
+def coarse_step_warnings(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Iterator[str]:
+    """Yield a warning if angles (A,) are too far apart to determine the slopes of voltages (A, R)."""
     if len(angle_deg) < 2:
         yield "a single angle gives no slope, and therefore no resolution"
         return
-    moved, whole = np.abs(np.diff(volts, axis=0)), float(np.ptp(volts))
-    if whole > 0.0 and moved.max() > MAX_STEP * whole:
-        row = int(np.argmax(moved.max(axis=1)))
-        low, high = angle_deg[row], angle_deg[row + 1]
+    steps, full_range = np.abs(np.diff(volts, axis=0)), float(np.ptp(volts))
+    if full_range > 0.0 and steps.max() > MAX_STEP_FRACTION * full_range:
+        row = int(np.argmax(steps.max(axis=1)))
         yield (
-            f"from {low:g} to {high:g} deg a reading changes by {moved.max():.2f} V, "
-            f"{100 * moved.max() / whole:.0f} % of its range: slopes and resolution there are means over the step; "
-            f"{remedy}"
+            f"a reading changes by {steps.max():.2f} V from {angle_deg[row]:g} to {angle_deg[row + 1]:g} deg, "
+            f"{100 * steps.max() / full_range:.0f} % of its range: slopes and resolution in between are means over "
+            f"the step; {remedy}"
         )
 
 
@@ -148,7 +147,7 @@ def readings_of(
     ambient_mW_cm2: float = 0.0,
     temperature_C: float = REFERENCE_C,
 ) -> Readings:
-    """Compute the readings at the angles of a motion.
+    """Return the readings at the angles of a motion.
 
     Parameters
     ----------
@@ -163,11 +162,11 @@ def readings_of(
     """
     light = (ambient_mW_cm2, temperature_C)
     dark = np.zeros_like(power_fraction)
-    on, off = (noise(circuit, shares, *light) for shares in (power_fraction, dark))
-    cases = {case: _volts(one, power_fraction, *light) for case, one in spread(circuit).items()}
+    on, off = (noise(circuit, fractions, *light) for fractions in (power_fraction, dark))
+    cases = {case: _volts(parts, power_fraction, *light) for case, parts in cases_of(circuit).items()}
     sd = difference_sd_V(on.reading_V, off.reading_V)
     slope = slopes_V_per_deg(angle_deg, cases["typical"])
-    each, both = resolution_deg(slope, sd)
+    each, combined = resolution_deg(slope, sd)
     warm, cold = (_volts(circuit, power_fraction, ambient_mW_cm2, temperature_C + step) for step in (0.5, -0.5))
     return Readings(
         circuit=circuit,
@@ -180,7 +179,7 @@ def readings_of(
         sd_V=sd,
         slope_V_per_deg=slope,
         resolution_deg=each,
-        resolution_of_all_deg=both,
+        resolution_of_all_deg=combined,
         drift_V_per_K=warm - cold,
         advice=advise(circuit, power_fraction, trimmer, *light),
     )
@@ -191,18 +190,18 @@ def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, tempe
 
 
 def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all combined, (A,).
+    """Return the standard deviation of an angle from one reading of each receiver, (A, R), and of all combined, (A,).
 
-    Each receiver determines the angle to σ/|slope|; all receivers combined reach (Σ (slope/σ)²)^−1/2, which no unbiased
-    estimator can surpass (Cramér, Rao). NaN where the voltages do not change.
+    A single receiver determines the angle to σ/|slope|, and all combined to (Σ (slope/σ)²)^−1/2, the Cramér-Rao bound.
+    NaN where the voltages do not change.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
         information = ((slope_V_per_deg / sd_V) ** 2).sum(axis=-1)
-        both = np.where(information > 0.0, 1.0 / np.sqrt(information), np.nan)
-    return np.asarray(each), np.asarray(both)
+        combined = np.where(information > 0.0, 1.0 / np.sqrt(information), np.nan)
+    return np.asarray(each), np.asarray(combined)
 
 
 def difference_sd_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
-    """Noise of an "on" reading minus the mean of the "off" readings before and after it."""
+    """Return the noise of an "on" reading minus the mean of the "off" readings before and after it."""
     return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))

@@ -1,6 +1,6 @@
-"""Samples over time: converter readings for varying powers, with seeded noise.
+"""Time series: ADC readings for varying powers, with seeded noise.
 
-Public names: `volts`, `noisy` and `settled`.
+Public names: `volts`, `noisy_readings` and `lagged`.
 """
 
 import math
@@ -14,8 +14,8 @@ from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import analogue_V
 from solen.readout.transistor import LoadLine
 
-ROWS = 1 << 16
-"""Number of rows processed at a time, so that an hour of samples requires little more memory than the result."""
+CHUNK_ROWS = 1 << 16
+"""Number of rows processed at a time, so that an hour of samples needs little more memory than the result."""
 
 
 def volts(
@@ -25,7 +25,7 @@ def volts(
     temperature_C: Floats = REFERENCE_C,
     rng: np.random.Generator | None = None,
 ) -> FloatArray:
-    """Converter readings of the receivers.
+    """Return the ADC readings of the receivers.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def volts(
     circuit
         Circuit with R receivers.
     ambient_mW_cm2, temperature_C
-        A number, one for each row (T,), or one for each reading (T, R).
+        A single number, one for each row (T,), or one for each reading (T, R).
     rng
         Random generator for the noise; if None, readings are the exact voltages.
 
@@ -52,19 +52,18 @@ def volts(
     _check(fractions, circuit, ambient_mW_cm2)
     if fractions.ndim < 2:
         return volts(fractions[None, :], circuit, ambient_mW_cm2, temperature_C, rng).reshape(fractions.shape)
-    found = np.empty_like(fractions)
-    ambient, temperature = (np.asarray(one, dtype=float) for one in (ambient_mW_cm2, temperature_C))
-    for start in range(0, len(fractions), ROWS):
-        rows = slice(start, start + ROWS)
-        here = temperature[rows] if temperature.ndim else temperature
-        light = ambient[rows] if ambient.ndim else ambient
-        line = circuit.load_line(circuit.current_mA(fractions[rows], light, here))
-        found[rows] = line.volts if rng is None else noisy(circuit, line, here, rng)
-    return found
+    readings = np.empty_like(fractions)
+    conditions = [np.asarray(values, dtype=float) for values in (ambient_mW_cm2, temperature_C)]
+    for start in range(0, len(fractions), CHUNK_ROWS):
+        rows = slice(start, start + CHUNK_ROWS)
+        ambient, temperature = (values[rows] if values.ndim else values for values in conditions)
+        line = circuit.load_line(circuit.current_mA(fractions[rows], ambient, temperature))
+        readings[rows] = line.volts if rng is None else noisy_readings(circuit, line, temperature, rng)
+    return readings
 
 
-def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
-    """Readings (T, R) on a load line: means of the circuit's samples, each with noise, quantised and clipped."""
+def noisy_readings(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
+    """Return readings (T, R) at operating points: means of samples, each with noise, quantised and clipped."""
     shot, thermal = analogue_V(circuit, line, temperature_C)
     sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
     total = np.zeros_like(line.volts)
@@ -73,22 +72,22 @@ def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.rando
     return np.asarray(total / circuit.samples)
 
 
-def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
-    """Voltages (T, R) after the receivers' first-order lag, sampled far faster than the readings.
+def lagged(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
+    """Return voltages (T, R), sampled at a high rate, with the first-order lag of the receivers.
 
-    Light is constant between samples, and each sample is the value at the end of its interval. This is exact for light
-    that is switched at sample times.
+    A sample is the value at the end of its interval, in which the light is constant; for light that is switched at
+    sample times, this is exact.
     """
     from scipy.signal import lfilter
 
     if not 0.0 < rate_hz < math.inf:
         raise SpecError("rate_hz", value=rate_hz, limit="must be greater than 0")
-    found = np.empty_like(volts)
+    readings = np.empty_like(volts)
     for column, tau_us in enumerate(circuit.time_constant_us.tolist()):
-        kept = math.exp(-1e6 / (rate_hz * tau_us))
-        start = [kept * volts[0, column]]
-        found[:, column] = lfilter([1.0 - kept], [1.0, -kept], volts[:, column], zi=start)[0]
-    return found
+        decay = math.exp(-1e6 / (rate_hz * tau_us))
+        start = [decay * volts[0, column]]
+        readings[:, column] = lfilter([1.0 - decay], [1.0, -decay], volts[:, column], zi=start)[0]
+    return readings
 
 
 def _check(fractions: FloatArray, circuit: Circuit, ambient_mW_cm2: Floats) -> None:

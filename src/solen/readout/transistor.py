@@ -1,14 +1,15 @@
 """A phototransistor with its load resistor: irradiance to current, current to voltage.
 
-Light generates a current I. The transistor carries this current while the voltage across it is sufficient, and less
-below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k. With V =
-V_supply − R I_C this has a closed form with the Wright omega function ω, ω + ln ω = z:
+Light generates a photocurrent I. The collector current equals I while the voltage V across the transistor is
+sufficient, and is lower below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee
+width V_k. Together with V = V_supply − R I_C, this has a closed form with the Wright omega function, ω(z) + ln ω(z) =
+z:
 
     y = (V − V_s)/V_k = a − b + ω(ln b + b − a),    a = (V_supply − V_s)/V_k,    b = R I/V_k.
 
-Far from the knee V = V_supply − R I; in bright light V approaches V_s. V always falls with increasing light.
+Far above the knee, V = V_supply − R I; in bright light, V approaches V_s. V always falls with increasing light.
 
-Public names: `Phototransistor`, `load_line` and `spectral_response`.
+Public names: `Phototransistor`, `LoadLine`, `load_line`, `spectral_response`, `exponent_of` and `angular_factor`.
 """
 
 import math
@@ -24,15 +25,15 @@ from solen.readout.emitter import REFERENCE_C
 from solen.results import Result
 
 SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
-"""Default values, typical of small silicon phototransistors."""
 RISE_US, RISE_US_PER_KOHM = 3.0, 15.0
-RISE_OF_TAU = math.log(9.0)
+"""Default values, typical of small silicon phototransistors."""
+RISE_PER_TIME_CONSTANT = math.log(9.0)
 """Rise time from 10 to 90 %, in first-order time constants."""
 
 
 @dataclass(frozen=True)
 class Phototransistor:
-    """A receiver for light with a specified spectrum.
+    """A receiver, and its response to the light of an emitter.
 
     Attributes
     ----------
@@ -48,7 +49,7 @@ class Phototransistor:
     saturation_V, knee_V
         Saturation voltage, and the width of the knee above it.
     gain
-        Collector current per photocurrent, which also multiplies the shot noise.
+        Collector current per base photocurrent, which also amplifies the shot noise.
     dark_nA, dark_doubling_K
         Dark current at 25 °C, and the temperature rise that doubles it.
     rise_per_K
@@ -78,7 +79,7 @@ class Phototransistor:
 
     @classmethod
     def of(cls, part: ReceiverPart, light: Light) -> "Phototransistor":
-        """Receiver for a design's light."""
+        """Return a receiver for a design's light."""
         current = part.current_ua_per_mw_cm2
         values = {
             "saturation_V": part.saturation_v,
@@ -103,30 +104,37 @@ class Phototransistor:
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
-        """Dark current, which doubles for each temperature rise by ``dark_doubling_K``."""
-        warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
-        return np.asarray(1e-6 * self.dark_nA * np.exp2(warmer_K / self.dark_doubling_K))
+        """Return the dark current, which doubles for each rise in temperature by ``dark_doubling_K``."""
+        rise_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
+        return np.asarray(1e-6 * self.dark_nA * np.exp2(rise_K / self.dark_doubling_K))
 
     def current_mA(
         self, irradiance_mW_cm2: FloatArray, sensitivity_uA: float | FloatArray, temperature_C: float | FloatArray
     ) -> FloatArray:
-        """Photocurrent of parts with the specified sensitivity; arrays broadcast."""
-        warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
-        per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * warmer_K, 0.0)
+        """Return the photocurrent, including dark current, of parts with a given sensitivity; arrays broadcast."""
+        rise_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
+        per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * rise_K, 0.0)
         return np.asarray(irradiance_mW_cm2 * per_mW_cm2 + self.dark_mA(temperature_C))
 
     def time_constant_us(self, load_ohm: float | FloatArray) -> FloatArray:
-        """First-order time constant: the rise time of part and load, divided by ln 9."""
+        """Return the first-order time constant: the rise time of receiver and load, divided by ln 9."""
         load_us = 1e-3 * np.asarray(load_ohm, dtype=float) * self.rise_us_per_kohm
-        return np.asarray(np.hypot(self.rise_us, load_us) / RISE_OF_TAU)
+        return np.asarray(np.hypot(self.rise_us, load_us) / RISE_PER_TIME_CONSTANT)
 
 
 class LoadLine(Result):
-    """Voltages at a phototransistor with a load, in the broadcast shape of the currents.
+    """Operating points of a phototransistor with a load, in the broadcast shape of the currents.
 
-    ``collector_mA`` is the collector current. ``output_ohm`` converts a small change in collector current to voltage:
-    it is the load, or less in saturation. ``drive_ohm`` does so for the photocurrent: it is the voltage drop per
-    ampere.
+    Attributes
+    ----------
+    volts
+        Collector voltage.
+    collector_mA
+        Collector current.
+    output_ohm
+        Voltage drop per ampere of a small additional current into the collector node: the load, or less in saturation.
+    drive_ohm
+        Voltage drop per ampere of a small change in photocurrent.
     """
 
     volts: FloatArray
@@ -142,7 +150,7 @@ def load_line(
     saturation_V: float = SATURATION_V,
     knee_V: float = KNEE_V,
 ) -> LoadLine:
-    """Collector voltages for the specified photocurrents.
+    """Return the operating points for photocurrents.
 
     Parameters
     ----------
@@ -163,32 +171,32 @@ def load_line(
         log_b = np.log(b)
     omega = wrightomega(log_b + b - a)
     y = np.asarray(a - b + omega)
-    if (saturated := b >= a).any():  # the same value; the formula above loses digits far from the knee
+    if (saturated := b >= a).any():  # equivalent formula: the one above loses digits in deep saturation
         y[saturated] = log_b[saturated] - np.log(omega[saturated])
-    given = -np.expm1(-y)
-    stiffness = 1.0 + b * (1.0 - given)
+    fraction = -np.expm1(-y)
+    stiffness = 1.0 + b * (1.0 - fraction)
     output = np.broadcast_to(load, y.shape) / stiffness
     return LoadLine(
         volts=np.minimum(saturation_V + knee_V * y, supply_V),
-        collector_mA=np.asarray(current_mA * given),
+        collector_mA=np.asarray(current_mA * fraction),
         output_ohm=np.asarray(output),
-        drive_ohm=np.asarray(output * given),
+        drive_ohm=np.asarray(output * fraction),
     )
 
 
 def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) -> float:
-    """Sensitivity to lines (nm, weight), relative to that at the datasheet's wavelength; 1 without a spectrum."""
+    """Return the sensitivity to lines (nm, weight) relative to that at the datasheet's wavelength, or 1 if unknown."""
     if part.spectrum is None:
         return 1.0
     nm, relative = np.array(part.spectrum.wavelength_nm), np.array(part.spectrum.relative)
-    places, weights = np.array([line[0] for line in lines]), np.array([line[1] for line in lines])
-    seen = float(np.interp(places, nm, relative) @ weights / weights.sum())
-    stated = nm[int(np.argmax(relative))] if part.sensitivity_nm is None else part.sensitivity_nm.nominal
-    return seen / float(np.interp(stated, nm, relative))
+    line_nm, weights = np.array([line[0] for line in lines]), np.array([line[1] for line in lines])
+    response = float(np.interp(line_nm, nm, relative) @ weights / weights.sum())
+    reference_nm = nm[int(np.argmax(relative))] if part.sensitivity_nm is None else part.sensitivity_nm.nominal
+    return response / float(np.interp(reference_nm, nm, relative))
 
 
 def exponent_of(part: ReceiverPart) -> float:
-    """Exponent m of the response cos^m θ to a beam, from the angle of half sensitivity; default: 1, a flat window."""
+    """Return the exponent m of the response cos^m θ to a beam, from the half angle; 1, a flat window, by default."""
     half = part.half_angle_deg
     if half is None or not 0.0 < half.nominal < 90.0:
         return 1.0
@@ -196,7 +204,7 @@ def exponent_of(part: ReceiverPart) -> float:
 
 
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
-    """Fraction of the power through a face that is detected by a receiver with response cos^m.
+    """Return the fraction of the power through a face that a receiver with the response cos^m detects.
 
     Power through a face already includes cos θ, so a beam is weighted by cos^(m−1) θ; for a flat window, m is 1 and all
     beams have the same weight.

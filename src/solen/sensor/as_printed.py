@@ -1,11 +1,11 @@
 """Effect of the printed lens on the response, compared with the designed lens.
 
-Two lenses are traced with the same body, emitter and material. The difference of their responses is the effect of
+Both lenses are traced with the same body, emitter and material. The difference of their responses is the effect of
 printing. Its uncertainty follows from outlines drawn at random within the uncertainty of the measured profile. These
-are traced at fewer angles and with fewer rays than the lens itself: eight outlines determine the uncertainty to about
-25 %. Light from a point is integrated, because its response has steps; for a chip, whose response is smooth, a fan of
-`DRAWN_RAYS` suffices. For a point emitter, a chip is also compared, since the steps hide the response of a real
-emitter.
+are traced with a larger tolerance than the lens itself: eight outlines determine the uncertainty to about 25 %. Light
+from a point is integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS`
+suffices. If the design's emitter is a point, the lenses are also compared with a chip, since the steps hide the
+response of a real emitter.
 
 Public names: `as_printed` and `AsPrinted`.
 """
@@ -20,15 +20,15 @@ from solen.errors import DesignError
 from solen.lens import MeasuredLens
 from solen.progress import Progress, part_of, tracked
 from solen.results import HIDDEN, Result, reported
-from solen.sensor.effects import STANDARD_ERROR, swept
-from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
+from solen.sensor.effects import STANDARD_ERROR, response_at
+from solen.sensor.practice import CHIP_MM, slope_per_deg, subsample
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
 MAX_ANGLES, MAX_ANGLES_IN_SPACE = 13, 5
-"""Maximum number of angles at which the two lenses are compared, in the plane and in space."""
+"""Maximum numbers of angles at which the two lenses are compared, in the plane and in space."""
 DRAWS = 8
 """Number of random outlines; eight determine a standard uncertainty to about 25 %."""
 DRAWN_TOLERANCE = 1e-3
@@ -39,7 +39,7 @@ DRAWN_RAYS = 2**14
 
 @dataclass(frozen=True)
 class Difference:
-    """Contrast with the printed lens minus that with the designed lens, at an angle."""
+    """Contrast with the printed lens minus that with the designed lens, at one angle."""
 
     angle_deg: float
     contrast: float
@@ -56,9 +56,9 @@ class Comparison(Result):
     designed, printed
         The two responses.
     u_shape
-        Standard uncertainty (N,) of the printed lens's contrast due to its outline alone.
+        Standard uncertainty (N,) of the contrast with the printed lens due to its outline alone.
     null_designed_deg, null_printed_deg
-        Their nulls, or None if there is none.
+        Nulls of the two responses; None if there is none.
     u_null_shift_deg
         Standard uncertainty of the distance between the nulls.
     """
@@ -73,7 +73,7 @@ class Comparison(Result):
 
     @reported
     def difference(self) -> FloatArray:
-        """Contrast (N,) of the printed lens minus that of the designed one."""
+        """Contrast (N,) with the printed lens minus that with the designed lens."""
         return self.printed.contrast - self.designed.contrast
 
     @reported
@@ -87,9 +87,9 @@ class Comparison(Result):
         size = np.abs(self.difference)
         if not np.isfinite(size).any():
             return None
-        place = int(np.nanargmax(size))
+        index = int(np.nanargmax(size))
         columns = (self.designed.angle_deg, self.difference, self.u_difference)
-        return Difference(*(float(column[place]) for column in columns))
+        return Difference(*(float(column[index]) for column in columns))
 
     @reported
     def null_shift_deg(self) -> float | None:
@@ -118,7 +118,7 @@ class AsPrinted(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Whether the profile was computed."""
+        """Whether the profile was computed rather than measured."""
         return self.lens.fit.profile.simulated
 
     @property
@@ -129,20 +129,20 @@ class AsPrinted(Result):
 
 def as_printed(
     sensor: Sensor,
-    own: Response,
+    response: Response,
     designed: Response | None = None,
     progress: Progress | None = None,
     *,
     draws: int = DRAWS,
 ) -> AsPrinted:
-    """Compare a sensor with a measured lens with the designed sensor.
+    """Compare a sensor that has a measured lens with the designed sensor.
 
     Parameters
     ----------
     sensor
         The sensor with the measured lens.
-    own, designed
-        Its response in power, and that of the design if it is known.
+    response, designed
+        Its response in power, and that of the designed sensor if already traced.
     progress
         Function called with the completed fraction, up to 1.
     draws
@@ -156,18 +156,19 @@ def as_printed(
     if not isinstance(sensor.cut, MeasuredLens):
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit='must be "measured" for a comparison')
     draws = draws if sensor.cut.fit.profile.u_mm.any() else 0
-    scene = sensor.scene(float(own.angle_deg[0]))
+    scene = sensor.scene(float(response.angle_deg[0]))
     sampled = scene.is_random or scene.extrusion is not None
-    angles = spread(own.angle_deg.tolist(), MAX_ANGLES_IN_SPACE if sampled else MAX_ANGLES)
+    angles = subsample(response.angle_deg.tolist(), MAX_ANGLES_IN_SPACE if sampled else MAX_ANGLES)
     is_point = sensor.light.width_mm == 0.0 and sensor.light.ray_file is None
     parts = 2 if is_point else 1
 
-    mine = _comparison(sensor, sensor.as_designed, angles, draws, part_of(progress, 0, parts), (own, designed))
+    known = (response, designed)
+    emitter = _comparison(sensor, sensor.as_designed, angles, draws, part_of(progress, 0, parts), known)
     chip = None
     if is_point:
-        wide, wide_designed = _with_chip(sensor), _with_chip(sensor.as_designed)
-        chip = _comparison(wide, wide_designed, angles, draws, part_of(progress, 1, parts), (None, None))
-    return AsPrinted(sensor.cut, mine, chip, draws)
+        chip_sensors = _with_chip(sensor), _with_chip(sensor.as_designed)
+        chip = _comparison(*chip_sensors, angles, draws, part_of(progress, 1, parts), (None, None))
+    return AsPrinted(sensor.cut, emitter, chip, draws)
 
 
 def _comparison(
@@ -176,18 +177,18 @@ def _comparison(
     angles: Sequence[float],
     draws: int,
     progress: Progress | None,
-    known: tuple[Response | None, Response | None],
+    responses: tuple[Response | None, Response | None],
 ) -> Comparison:
     lens = sensor.cut
     if not isinstance(lens, MeasuredLens):
-        raise AssertionError("checked before")
-    before, after = swept(designed, angles, known[1]), swept(sensor, angles, known[0])
-    away = []
-    for number in tracked(range(1, draws + 1), progress):
-        drawn = replace(sensor, cut=lens.drawn_within(number))
-        away.append(_contrasts(drawn, after) - after.contrast)
-    u_shape = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros(len(angles))
-    nulls = [(whole or part).null_deg() for part, whole in zip((before, after), known[::-1], strict=True)]
+        raise AssertionError("as_printed checks that the lens is measured")
+    before, after = response_at(designed, angles, responses[1]), response_at(sensor, angles, responses[0])
+    deviations = []
+    for seed in tracked(range(1, draws + 1), progress):
+        drawn = replace(sensor, cut=lens.drawn_within(seed))
+        deviations.append(_contrasts(drawn, after) - after.contrast)
+    u_shape = np.sqrt(np.mean(np.square(deviations), axis=0)) if deviations else np.zeros(len(angles))
+    nulls = [(full or subset).null_deg() for subset, full in zip((before, after), responses[::-1], strict=True)]
     return Comparison(
         width_mm=sensor.light.width_mm,
         designed=before,
@@ -202,7 +203,7 @@ def _comparison(
 def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     """Return contrasts (N,) with a drawn outline at the angles of a response; NaN without light.
 
-    They are integrated or sampled like that response, or otherwise traced with a fan of rays.
+    They are integrated or sampled if the response was, and otherwise traced with a fan of rays.
     """
     angles, scene = response.angle_deg.tolist(), drawn.scene(float(response.angle_deg[0]))
     integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)

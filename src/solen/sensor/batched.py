@@ -1,4 +1,7 @@
-"""Responses of many sensors at once, each with several chips: a function call for the compiled batch."""
+"""Responses of many sensors at once, each with several chips, from the compiled batch tracer.
+
+Public names: `respond` and `Responses`.
+"""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +16,7 @@ from solen.arrays import FloatArray
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
 from solen.progress import Progress, on_threads
-from solen.sensor.numbers_of_y import numbers_of
+from solen.sensor.batch_input import batch_input
 from solen.sensor.sensor import Sensor
 from solen.trace import Limits, Mode, batch
 from solen.trace.batch import places
@@ -26,11 +29,18 @@ MIN_RAYS = 16
 
 
 class Responses(NamedTuple):
-    """Powers of D sensors with K chips at A angles, as fractions of the power emitted by each chip.
+    """Responses of D sensors with K chips at A angles.
 
-    ``u_power`` is the standard error of either receiver's power due to the positions of the rays; ``truncated`` is the
-    largest fraction of light that was not followed further. ``why`` is empty for a sensor that can be built at all
-    angles; otherwise it gives the reason, and the powers are NaN.
+    Attributes
+    ----------
+    right, left
+        Power (D, K, A) at each receiver, as a fraction of the power emitted by the chip.
+    u_power
+        Standard error (D, K, A) of either power due to the positions of the rays.
+    truncated
+        Largest fraction (D,) of light that was not traced to its end.
+    why
+        Reason why a sensor cannot be built at some angle, in which case its powers are NaN; empty if it can.
     """
 
     right: FloatArray
@@ -42,14 +52,14 @@ class Responses(NamedTuple):
     @property
     def contrast(self) -> FloatArray:
         """Contrast (R − L)/(R + L); NaN without light."""
-        whole = self.right + self.left
-        return np.divide(self.right - self.left, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
+        total = self.right + self.left
+        return np.divide(self.right - self.left, total, out=np.full_like(total, math.nan), where=total > 0.0)
 
     @property
     def u_contrast(self) -> FloatArray:
         """Uncertainty of the contrast, defined as in `solen.sensor.Response`."""
-        whole = self.right + self.left
-        return np.divide(2.0 * self.u_power, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
+        total = self.right + self.left
+        return np.divide(2.0 * self.u_power, total, out=np.full_like(total, math.nan), where=total > 0.0)
 
 
 def respond(
@@ -64,9 +74,9 @@ def respond(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Responses:
-    """Return responses of sensors to their own emitters, or to emitters of several widths and decentres.
+    """Return responses of sensors with their own emitters, or with emitters of several widths and decentres.
 
-    Every sensor is traced once for all positions covered by its chips, and the power of each chip is a weighted sum
+    Every sensor is traced once for all positions covered by its chips, and the power from each chip is a weighted sum
     over these positions; a mirror-symmetric sensor is traced on one side only.
 
     Parameters
@@ -76,14 +86,15 @@ def respond(
     angles_deg
         Angles (A,) of the motion.
     widths_mm, offsets_mm
-        Width of the chip and decentre, broadcast to (K,) for all sensors or (D, K); None: each sensor's own. The widths
-        in one call are either all 0 or all positive.
+        Widths and decentres of the chips, broadcast to (K,) for all sensors or to (D, K); None: each sensor's own. The
+        widths in one call must be either all 0 or all positive.
     rays
         Number of rays at each angle, over all positions together.
     mode
         ``"power"`` or ``"count"``.
     seed
-        Seed of the lattices' shifts, which are the same for all sensors: differences are less noisy than responses.
+        Seed of the random shifts of the lattices. All sensors have the same shifts, so that differences between
+        responses are less noisy than the responses.
     threads
         Number of threads; default: one per core.
     progress
@@ -92,7 +103,7 @@ def respond(
     Raises
     ------
     DesignError
-        If the batch does not support a sensor, or the numbers are inconsistent.
+        If the batch does not support a sensor, or the widths and decentres have unsuitable shapes.
     """
     check_count("rays", rays, 1)
     check_count("seed", seed, 0)
@@ -118,28 +129,33 @@ class _Batch:
         seed: int,
     ) -> None:
         self.sensors, self.seed = sensors, seed
-        self.numbers = numbers_of(sensors)
+        self.numbers = batch_input(sensors)
         self.angle_deg = np.asarray(angles_deg, dtype=float)
-        self.width = _of_each(widths_mm, [sensor.light.width_mm for sensor in sensors])
-        self.offset = _of_each(offsets_mm, [sensor.design.emitter.offset_mm for sensor in sensors])
+        self.width = _per_sensor(widths_mm, [sensor.light.width_mm for sensor in sensors])
+        self.offset = _per_sensor(offsets_mm, [sensor.design.emitter.offset_mm for sensor in sensors])
         self.width, self.offset = np.broadcast_arrays(self.width, self.offset)
-        self.both = self._mirrors()
-        opposite = places.are_symmetric(self.angle_deg) if self.both else np.zeros(len(self.angle_deg), bool)
+        self.mirrors = self._mirrors()
+        opposite = places.are_symmetric(self.angle_deg) if self.mirrors else np.zeros(len(self.angle_deg), bool)
         self.traced = np.flatnonzero(~opposite)
-        lattices = places.lattices_for(self.width, self.offset, self.both)
-        in_space = bool(self.numbers.thickness[:1].any())
-        each, most = max(math.ceil(rays / lattices), MIN_RAYS), int(self.numbers.body[:, -1].max(initial=0))
-        self.lattices, self.lots = lattices, local()
+        self.lattices = places.lattices_for(self.width, self.offset, self.mirrors)
+        self.workspaces = local()
         self.places: dict[tuple[bytes, bytes], Places] = {}
-        self.new_lot = partial(
-            batch.DesignBatch, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits()
+        self.new_workspace = partial(
+            batch.DesignBatch,
+            self.angle_deg[self.traced],
+            self.lattices,
+            max(math.ceil(rays / self.lattices), MIN_RAYS),
+            int(self.numbers.body[:, -1].max(initial=0)),
+            mode,
+            bool(self.numbers.thickness[:1].any()),
+            Limits(),
         )
         shape = (len(sensors), self.width.shape[1], len(self.angle_deg))
         right, left, u = (np.full(shape, math.nan) for _ in range(3))
         self.responses = Responses(right, left, u, np.full(len(sensors), math.nan), [""] * len(sensors))
 
     def _mirrors(self) -> bool:
-        """Return whether every response follows from one side by symmetry, and that side needs fewer rays than both."""
+        """Return whether all responses follow from one side by symmetry, and one side requires fewer rays than both."""
         numbers = self.numbers.body
         symmetric = all(_is_symmetric(batch.Y(*row)) for row in numbers.tolist())
         low, high = self.offset - 0.5 * self.width, self.offset + 0.5 * self.width
@@ -148,62 +164,62 @@ class _Batch:
 
     def trace(self, d: int) -> None:
         """Trace a sensor and write its response."""
-        if not hasattr(self.lots, "mine"):
-            self.lots.mine = self.new_lot()
-        where = self._places(d)
-        found = self.lots.mine.traced(self.numbers, d, where.bins, self.seed)
+        if not hasattr(self.workspaces, "batch_workspace"):
+            self.workspaces.batch_workspace = self.new_workspace()
+        positions = self._positions_of(d)
+        result = self.workspaces.batch_workspace.traced(self.numbers, d, positions.bins, self.seed)
         out = self.responses
-        out.why[d] = self._why_not(d, self.angle_deg[self.traced[found.sound != batch.SOUND]])
+        out.why[d] = self._why_not(d, self.angle_deg[self.traced[result.sound != batch.SOUND]])
         if out.why[d]:
             return
-        if np.any(found.sound < batch.UNSURE):
-            raise AssertionError("a body that the batch refuses is a scene")
-        by_bin = np.moveaxis(self._all_angles(found.power), -1, 0)
-        right, left = where.powers(by_bin)
-        u = where.u_powers(by_bin).max(axis=0)
+        if np.any(result.sound < batch.UNSURE):
+            raise AssertionError("the batch rejects a body that can be built")
+        by_bin = np.moveaxis(self._all_angles(result.power), -1, 0)
+        right, left = positions.powers(by_bin)
+        u = positions.u_powers(by_bin).max(axis=0)
         out.right[d], out.left[d], out.u_power[d] = right.T, left.T, u.T
-        out.truncated[d] = found.truncated.max(initial=0.0)
+        out.truncated[d] = result.truncated.max(initial=0.0)
 
     def _why_not(self, d: int, angle_deg: FloatArray) -> str:
-        """Return why a body cannot be built at one of the angles, as its scene reports."""
+        """Return the error of the first angle at which a sensor cannot be built; empty if there is none."""
         try:
             for angle in angle_deg.tolist():
                 self.sensors[d].scene(angle, 1)
-        except DesignError as bad:
-            return str(bad)
+        except DesignError as error:
+            return str(error)
         return ""
 
-    def _places(self, d: int) -> Places:
-        """Return the positions of a sensor's chips, computed once for consecutive sensors with the same chips."""
+    def _positions_of(self, d: int) -> Places:
+        """Return the positions of a sensor's chips, cached for consecutive sensors with the same chips."""
         key = (self.width[d].tobytes(), self.offset[d].tobytes())
-        where = self.places.get(key)
-        if where is None:
-            where = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.both)
-            self.places = {key: where}
-        return where
+        positions = self.places.get(key)
+        if positions is None:
+            positions = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.mirrors)
+            self.places = {key: positions}
+        return positions
 
     def _all_angles(self, power: FloatArray) -> FloatArray:
         """Return powers (A, B, 2) at all angles from those at the traced angles."""
-        if not self.both:
+        if not self.mirrors:
             return power
-        place = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}
+        row = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}
         rows = []
         for angle in self.angle_deg.tolist():
-            own = power[place[angle]] if angle in place else places.mirrored(power[place[-angle]])
-            rows.append(0.5 * (own + places.mirrored(own)) if angle == 0.0 else own)
+            at_angle = power[row[angle]] if angle in row else places.mirrored(power[row[-angle]])
+            rows.append(0.5 * (at_angle + places.mirrored(at_angle)) if angle == 0.0 else at_angle)
         return np.stack(rows)
 
 
 def _is_symmetric(y: batch.Y) -> bool:
-    """Return whether a sensor at every angle is the mirror image of the sensor at the opposite angle."""
+    """Return whether a sensor at any angle is the mirror image of the sensor at the opposite angle."""
     return y.lens != batch.PIECES and not (y.pivot == batch.AT_POINT and y.pivot_x != 0.0)
 
 
-def _of_each(given: ArrayLike | None, own: Sequence[float]) -> FloatArray:
-    """Return numbers (D, K), one row per sensor."""
-    if given is None:
-        return np.array(own, dtype=float)[:, None]
-    values = np.atleast_1d(np.asarray(given, dtype=float))
-    if values.ndim > 2 or (values.ndim == 2 and len(values) != len(own)) or not np.all(np.isfinite(values)):
-        raise DesignError("widths_mm, offsets_mm", limit=f"must be finite and of shape (K,) or ({len(own)}, K)")
-    return np.broadcast_to(values, (len(own), values.shape[-1]))
+def _per_sensor(values: ArrayLike | None, defaults: Sequence[float]) -> FloatArray:
+    """Return values (D, K), one row per sensor, by default each sensor's own."""
+    if values is None:
+        return np.array(defaults, dtype=float)[:, None]
+    rows = np.atleast_1d(np.asarray(values, dtype=float))
+    if rows.ndim > 2 or (rows.ndim == 2 and len(rows) != len(defaults)) or not np.all(np.isfinite(rows)):
+        raise DesignError("widths_mm, offsets_mm", limit=f"must be finite and of shape (K,) or ({len(defaults)}, K)")
+    return np.broadcast_to(rows, (len(defaults), rows.shape[-1]))

@@ -1,7 +1,9 @@
 """Light budget of a sensor at rest: fractions of the emitter's power that add up to 1.
 
-The ledger of a single trace cannot separate light reflected by the lens from light that missed every surface. Two
-further traces, one with black faces and one with a black body, can. Public names: `budget` and `Budget`.
+The ledger of a single trace does not separate light reflected by the lens from light that missed every surface. Two
+further traces, one with black faces and one with a black body, do.
+
+Public names: `budget` and `Budget`.
 """
 
 from dataclasses import dataclass, replace
@@ -15,32 +17,32 @@ from solen.trace.adaptive import why_not
 
 TOLERANCE = 1e-3
 BUDGET_RAYS = 2**17
-"""Number of rays if the budget cannot be integrated."""
+"""Number of rays if the powers cannot be integrated."""
 OPAQUE_PER_MM = 1e6
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Fractions of the emitter's power at rest, which add up to 1 within ``u``; without ambient light.
+    """Fractions of the emitter's power at rest, without ambient light; they add up to 1 within ``u``.
 
     Attributes
     ----------
     right, left
         Detected by the right and the left receiver.
     beside
-        Passes the lens and the body at the side and meets no surface.
+        Passing beside the lens and the body without meeting a surface.
     above_below
-        Passes above or below them, in space.
+        Passing above or below them, in space.
     reflected
-        Is reflected by the body and never enters it.
+        Reflected by the body without entering it.
     leaked
-        Leaves the body through its top or bottom, in space.
+        Leaving the body through its top or bottom, in space.
     escaped
-        Leaves the body elsewhere.
+        Leaving the body elsewhere.
     absorbed
-        Is absorbed in the material, at walls and at the backs of receivers.
+        Absorbed in the material, at walls and at the backs of receivers.
     truncated
-        Was not followed further.
+        Not traced further.
     u
         Uncertainty of each fraction.
     """
@@ -60,18 +62,18 @@ class Budget:
 def budget(sensor: Sensor) -> Budget:
     """Return the light budget of a sensor at rest.
 
-    Three traces are compared: the scene itself; the scene with all faces black, which leaves only light that is not
-    incident on any face; and the scene with a body that absorbs all light entering it, which leaves only light that
-    never enters.
+    Three traces are compared: the scene itself; the scene with all faces black, from which only light escapes that
+    meets no face; and the scene with a body that absorbs all light entering it, from which only light escapes that
+    never enters the body.
     """
     scene = sensor.scene(0.0)
     scene = replace(scene, sources=scene.sources[:1])
-    whole, u = _settled(scene)
-    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    actual, u = _powers_of(scene)
+    right, left = (actual.detectors[name].power for name in ("right", "left"))
     if scene.front is not None:
-        return _of_a_face_in_space(scene, whole, u)
-    black, u_black = _settled(_black(scene))
-    opaque, u_opaque = _settled(_opaque(scene))
+        return _budget_of_lens_in_space(scene, actual, u)
+    black, u_black = _powers_of(_black(scene))
+    opaque, u_opaque = _powers_of(_opaque(scene))
     beside = black.ledger.escaped - black.missed
     reflected = max(0.0, opaque.ledger.escaped - black.ledger.escaped)
     return Budget(
@@ -80,31 +82,31 @@ def budget(sensor: Sensor) -> Budget:
         beside=beside,
         above_below=black.missed,
         reflected=reflected,
-        leaked=whole.leaked,
-        escaped=max(0.0, whole.ledger.escaped - black.ledger.escaped - reflected - whole.leaked),
-        absorbed=whole.ledger.absorbed,
-        truncated=whole.ledger.truncated,
+        leaked=actual.leaked,
+        escaped=max(0.0, actual.ledger.escaped - black.ledger.escaped - reflected - actual.leaked),
+        absorbed=actual.ledger.absorbed,
+        truncated=actual.ledger.truncated,
         u=u + u_black + u_opaque,
     )
 
 
-def _of_a_face_in_space(scene: Scene, whole: Trace, u: float) -> Budget:
-    """Return the budget if the trace itself gives the light reflected at the front face.
+def _budget_of_lens_in_space(scene: Scene, actual: Trace, u: float) -> Budget:
+    """Return the budget of a sensor with a lens that is not a cylinder.
 
-    A face in space cannot be black; an absorbing body gives the remaining fractions.
+    The front face of such a lens cannot be black, but the trace itself gives the light that the face reflects.
     """
-    opaque, u_opaque = _settled(_opaque(scene))
-    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    opaque, u_opaque = _powers_of(_opaque(scene))
+    right, left = (actual.detectors[name].power for name in ("right", "left"))
     return Budget(
         right=right,
         left=left,
         beside=opaque.ledger.escaped - opaque.missed - opaque.reflected,
         above_below=opaque.missed,
         reflected=opaque.reflected,
-        leaked=whole.leaked,
-        escaped=max(0.0, whole.ledger.escaped - opaque.ledger.escaped - whole.leaked),
-        absorbed=whole.ledger.absorbed,
-        truncated=whole.ledger.truncated,
+        leaked=actual.leaked,
+        escaped=max(0.0, actual.ledger.escaped - opaque.ledger.escaped - actual.leaked),
+        absorbed=actual.ledger.absorbed,
+        truncated=actual.ledger.truncated,
         u=u + u_opaque,
     )
 
@@ -129,15 +131,15 @@ def _opaque(scene: Scene) -> Scene:
     return replace(scene, regions=regions)
 
 
-def _settled(scene: Scene) -> tuple[Trace, float]:
-    """Return the powers of a scene, integrated if possible and otherwise sampled, and their uncertainty."""
+def _powers_of(scene: Scene) -> tuple[Trace, float]:
+    """Return the trace of a scene, integrated if possible and otherwise sampled, and the uncertainty of its powers."""
     if not why_not(scene):
-        settled = integrate(scene, "power", TOLERANCE)
-        if settled.reached:
-            return settled, settled.u_power
-    made_of_points = all(source.emission() is not None for source in scene.sources)
-    many = scene
-    if made_of_points:  # the rays of a file are fixed
-        many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
-    settled = trace(many, "power", sampling="sobol" if made_of_points else "fan")
-    return settled, float(0.5 / np.sqrt(settled.rays))  # upper bound of a fraction's standard error
+        result = integrate(scene, "power", TOLERANCE)
+        if result.reached:
+            return result, result.u_power
+    has_points = all(source.emission() is not None for source in scene.sources)
+    sampled = scene
+    if has_points:  # the rays of a file are fixed
+        sampled = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
+    result = trace(sampled, "power", sampling="sobol" if has_points else "fan")
+    return result, float(0.5 / np.sqrt(result.rays))  # upper bound of a fraction's standard error

@@ -1,6 +1,6 @@
 """Checks of a design before any ray is traced: material, lens and body, and whether it can be built.
 
-Public names: `check`, `foci_of` and `body_sizes`.
+Public names: `check`, `lens_check`, `foci_of` and `body_sizes`.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from solen.geometry import arm_angle_deg
 from solen.lens import CurvedLens, Lens, MeasuredLens, OvalLens
 from solen.material import Optical
 from solen.results import Result
-from solen.sensor.effects import index_steps
+from solen.sensor.effects import index_offsets
 from solen.sensor.numbers import tolerance_of
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
@@ -26,17 +26,17 @@ class Focus:
     Attributes
     ----------
     material_index, step
-        Index of the material, and its difference from the stated index.
+        Index of the material, and its difference from the design's index.
     by_uncertainty
         Whether the step is the standard uncertainty of the index.
     paraxial_focus_mm, marginal_focus_mm
         Foci of rays near the axis and at the edge; None unless the lens is an oval.
     best_focus_mm, u_best_focus_mm
-        Position of the smallest spot of all rays; its uncertainty is due to the measured profile.
+        Position of the smallest spot of all rays, and its uncertainty due to a measured profile.
     spot_rms_mm, spot_x_mm
-        Size of that spot, unless the lens is an oval, and its distance from the axis, for a measured lens.
+        RMS size of that spot, unless the lens is an oval, and its distance from the axis, for a measured lens.
     designed_best_focus_mm
-        The same focus of the designed lens, for a measured lens.
+        Best focus of the designed lens, for a measured lens.
     """
 
     material_index: float
@@ -53,7 +53,7 @@ class Focus:
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Sizes derived from a body's dimensions, at rest; None if a kind of body does not have them.
+    """Sizes of a body at rest that follow from its dimensions; None for those that its kind of body does not have.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class BodySizes:
     fork_width_mm
         Width of the stem at the fork.
     stem_base_z_mm, crotch_z_mm
-        Positions at which the stem begins and the arms separate.
+        Positions of the stem's base and of the crotch, where the arms separate.
     """
 
     file: str | None
@@ -95,9 +95,9 @@ class LensCheck(Result):
     name
         Name of the design.
     lens
-        The lens of the design.
+        Its lens.
     foci
-        Its foci for several indices of the material.
+        Foci of the lens for several indices of the material.
     warnings
         Warnings about lens and material.
     """
@@ -112,7 +112,7 @@ class LensOptions(Options):
     """Options for writing the profile of a lens."""
 
     tolerance_mm: Annotated[Finite, Field(ge=1e-9)] = 1e-4
-    """Largest distance of the profile from a straight line between two points of the table."""
+    """Largest distance between the profile and the straight lines that connect the points of the table."""
 
 
 class Check(Result):
@@ -123,7 +123,7 @@ class Check(Result):
     name
         Name of the design.
     angles
-        Angles of the motion, or loads of a soft body.
+        Number of angles of the motion, or of loads of a soft body.
     loaded
         Whether it is a soft body under load.
     wavelength_nm
@@ -131,11 +131,11 @@ class Check(Result):
     material
         Index and absorption at that wavelength.
     lens, foci
-        The lens, or None for a drawn body, and its foci.
+        The lens, None for a drawn body, and its foci.
     body
         Sizes of the body at rest.
     warnings
-        Warnings about the design, and its keys without effect.
+        Warnings about the design, including keys without effect.
     """
 
     name: str
@@ -166,13 +166,13 @@ def check(sensor: Sensor) -> Check:
 
 
 def lens_check(sensor: Sensor) -> LensCheck:
-    """Return the lens of a sensor; raise `DesignError` if its body cannot be built or is drawn."""
+    """Return the lens of a sensor and its foci; raise `DesignError` if the body cannot be built or is drawn."""
     sensor.body()
     return LensCheck(sensor.design.name, sensor.lens, foci_of(sensor), tuple(sensor.warnings))
 
 
 def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
-    """Return the foci in the material; for a designed lens also at other indices, none for a flat face."""
+    """Return the foci in the material, for a designed lens also at neighbouring indices; none for a flat face."""
     lens, index = sensor.cut, sensor.material.index
     if isinstance(lens, MeasuredLens):
         designed_mm, u_mm = lens.designed.best_focus_mm(index), lens.u_best_focus_mm(index)
@@ -181,12 +181,12 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
         return (replace(focus, spot_x_mm=x_mm, designed_best_focus_mm=designed_mm, u_best_focus_mm=u_mm),)
     if not isinstance(lens, CurvedLens):
         return ()
-    steps = index_steps(sensor.material, tolerance_of(sensor, "material.index")[0])
-    return tuple(replace(_focus(lens, index + step), step=step, by_uncertainty=stated) for step, stated in steps)
+    steps = index_offsets(sensor.material, tolerance_of(sensor, "material.index")[0])
+    return tuple(replace(_focus(lens, index + step), step=step, by_uncertainty=is_u) for step, is_u in steps)
 
 
 def _focus(lens: CurvedLens, index: float) -> Focus:
-    """Return the foci in a material of ``index``, with the spot size unless the lens is an oval."""
+    """Return the foci in a material of an index, with the spot size unless the lens is an oval."""
     if isinstance(lens, OvalLens):
         paraxial_mm, marginal_mm = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return Focus(index, 0.0, False, paraxial_mm, marginal_mm, lens.best_focus_mm(index))
@@ -198,10 +198,10 @@ def _focus(lens: CurvedLens, index: float) -> Focus:
 
 def body_sizes(sensor: Sensor) -> BodySizes:
     """Return the sizes of a sensor's body at rest."""
-    body, stated = sensor.body(), sensor.design.body
+    body, design_body = sensor.body(), sensor.design.body
     faces = (*body.all_faces, *body.apart)
     sizes = BodySizes(
-        file=stated.file if sensor.is_drawn else None,
+        file=design_body.file if sensor.is_drawn else None,
         faces=tuple(face.name for face in (faces if sensor.is_drawn else body.faces)),
         receivers=tuple(dict.fromkeys(face.whose for face in faces if face.part == "receiver")),
         area_mm2=body.area_mm2(),
@@ -214,7 +214,7 @@ def body_sizes(sensor: Sensor) -> BodySizes:
     return replace(
         sizes,
         arm_angle_deg=arm_angle_deg(sensor.design),
-        arm_angle_assumed=stated.arm_angle_deg is None,
+        arm_angle_assumed=design_body.arm_angle_deg is None,
         fork_width_mm=body.marks["fork-right"][0] - body.marks["fork-left"][0],
         stem_base_z_mm=body.marks["stem-base"][1],
         crotch_z_mm=body.marks["crotch"][1],

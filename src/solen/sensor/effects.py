@@ -1,13 +1,13 @@
 """Effects of tolerances: the change of the response when each number of a design deviates by its tolerance.
 
-Derivatives in different units cannot be ranked. Multiplied by tolerances, they show how real prints and LEDs affect the
-sensor. Each number is changed in both directions while the lens keeps its designed shape, and the contrast is
-integrated near the null, at a third of the motion and at its ends; for symmetric sensors on one side only. The join
-between a turned lens and the stem is a modelling choice without a tolerance; for it, the other joins are compared. The
-body's rigidity is also a modelling choice: soft bodies with usual mounts are compared if the extra `mechanics` is
+Derivatives in different units cannot be ranked; multiplied by tolerances, they show how real prints and LEDs affect the
+sensor. Each number is changed in both directions while the lens keeps its designed shape, and the contrast is computed
+near the null, at a third of the motion and at its ends; for symmetric sensors on one side only. The join between a
+rotated lens and the stem is a modelling choice without a tolerance, and is compared with the other joins. The rigidity
+of the body is also a modelling choice: it is compared with soft bodies on common mounts if the extra `mechanics` is
 installed.
 
-Public names: `effects` and `Effect`.
+Public names: `effects`, `Effect`, `with_deviations` and `response_at`.
 """
 
 import math
@@ -26,7 +26,7 @@ from solen.material import Optical, Tabulated
 from solen.parts import Light
 from solen.progress import Progress, tracked
 from solen.results import Result, reported
-from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of
+from solen.sensor.numbers import MATERIAL_KEYS, number, tolerance_of, why_inert
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.spec import Join, Motion, with_values
@@ -37,29 +37,30 @@ KEYS = (
     *(f"emitter.{name}" for name in ("offset_mm", "width_mm", "distance_mm")),
     *("material.index", "material.absorption_per_mm", "body.arm_width_mm", "receivers.gap_mm"),
 )
-"""Numbers that are compared; other numbers have less effect on the light in designs similar to the shipped ones."""
+"""Numbers that are compared; in designs similar to the templates, other numbers have smaller effects."""
 JOIN, HOLD = "motion.join", "hold"
 HOLDS = {"outer-*": "the outer edges of the arms", "receiver-*": "the ends of the arms"}
-"""Faces held by usual mounts, and their names in sentences."""
+"""Faces held by common mounts, and their names in sentences."""
 HOLD_MESH_MM = 1.0
 TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """Tolerance of integrated powers, and standard error of sampled ones."""
-NEAR_SHARE = 1 / 3
-OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
-"""Numbers other than the index on which the material at the emitter's wavelength depends."""
-OFF_A_DRAWING = ("emitter.", "material.", "network.emitters[")
-"""Key prefixes of deviations that do not change the drawing of a network's lenses."""
-RESOLVED = 2.0
-"""A change is significant if it exceeds this multiple of its uncertainty."""
+NEAR_FRACTION = 1 / 3
+"""Distance of the intermediate angles from the null, as a fraction of the distance to an end of the motion."""
+OPTICAL_MATERIAL_KEYS = {"material.absorption_per_mm", "emitter.wavelength_nm"}
+"""Numbers other than the index that change the material at the emitter's wavelength."""
+UNDRAWN_KEYS = ("emitter.", "material.", "network.emitters[")
+"""Key prefixes of deviations that do not change the designed shapes of a network's lenses."""
+COVERAGE_FACTOR = 2.0
+"""Multiple of its uncertainty that a significant change exceeds."""
 
 
 class Effect(Result):
-    """Change of the response when one number exceeds its value by its tolerance: half the difference of high and low.
+    """Change of the response per tolerance of one number: half the difference between plus and minus the tolerance.
 
     Attributes
     ----------
     key, value
-        The number and its value; for ``motion.join`` the other join, for ``hold`` the faces that hold a soft body.
+        The number and its value; for ``motion.join`` the other join, for ``hold`` the held faces of a soft body.
     tolerance, by_uncertainty
         Its tolerance, and whether that is its standard uncertainty; None for a join and a hold.
     angle_deg, contrast, u_contrast
@@ -89,14 +90,14 @@ class Effect(Result):
 
     @reported
     def resolved(self) -> bool:
-        """Whether a change exceeds twice its uncertainty."""
-        return bool(np.any(np.abs(self.contrast) > RESOLVED * self.u_contrast))
+        """Whether the change at some angle exceeds twice its uncertainty."""
+        return bool(np.any(np.abs(self.contrast) > COVERAGE_FACTOR * self.u_contrast))
 
 
 def effects(
     sensor: Sensor, response: Response, null: tuple[float, Slope] | None, progress: Progress | None = None
 ) -> tuple[tuple[Effect, ...], dict[str, str]]:
-    """Return the effects of the numbers in `KEYS` and of the joins, the largest first, and why others are omitted.
+    """Return the effects of numbers, joins and holds, the largest first, and the reasons why others are omitted.
 
     Parameters
     ----------
@@ -107,38 +108,33 @@ def effects(
     progress
         Function called with the completed fraction, up to 1.
     """
-    asked: list[tuple[str, Callable[[], Effect]]] = []
+    tasks: list[tuple[str, Callable[[], Effect]]] = []
     skipped: dict[str, str] = {}
     base = _base(sensor, response, 0.0 if null is None else null[0])
     for key in KEYS:
-        if why := "" if key in OF_THE_MATERIAL else inert(sensor, key):
+        if why := "" if key in MATERIAL_KEYS else why_inert(sensor, key):
             skipped[key] = why
         else:
-            asked.append((key, partial(_of_number, sensor, key, base, null)))
-    asked += [(f"{JOIN} = {join}", partial(_of_join, sensor, join, base)) for join in _joins(sensor)]
-    if _turns(sensor):
-        asked += [(f"{HOLD} = {face}", partial(_of_hold, sensor, face, base)) for face in HOLDS]
-    found: list[Effect] = []
-    for name, make in tracked(asked, progress):
+            tasks.append((key, partial(_number_effect, sensor, key, base, null)))
+    tasks += [(f"{JOIN} = {join}", partial(_join_effect, sensor, join, base)) for join in _joins(sensor)]
+    if _rotates_lens(sensor):
+        tasks += [(f"{HOLD} = {face}", partial(_hold_effect, sensor, face, base)) for face in HOLDS]
+    results: list[Effect] = []
+    for name, make in tracked(tasks, progress):
         try:
-            found.append(make())
+            results.append(make())
         except SolenError as why:
             skipped[name] = str(why)
-    return tuple(sorted(found, key=lambda one: one.largest, reverse=True)), skipped
+    return tuple(sorted(results, key=lambda effect: effect.largest, reverse=True)), skipped
 
 
-def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
-    """Return the sensor with one number changed by a step; see `as_built`."""
-    return as_built(sensor, {key: step})
-
-
-def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
-    """Return the sensor with numbers changed by steps; the lens keeps its shape unless its drawing is changed."""
+def with_deviations(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
+    """Return the sensor with numbers changed by steps; the lens keeps its shape unless a number of ``lens`` changes."""
     index = steps.get("material.index", 0.0)
     values = {key: number(sensor, key) + step for key, step in steps.items() if key != "material.index"}
     other = Sensor.of(with_values(sensor.design, values)) if values else sensor
     drawn = {key: value for key, value in values.items() if key.startswith("lens.")}
-    material = other.material if sensor.is_network or OF_MATERIAL & values.keys() else sensor.material
+    material = other.material if sensor.is_network or OPTICAL_MATERIAL_KEYS & values.keys() else sensor.material
     return replace(
         other,
         material=_offset(material, index, other.light) if index else material,
@@ -148,84 +144,87 @@ def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
 
 
 def _lenses_cut(sensor: Sensor, values: Mapping[str, float]) -> dict[str, Lens]:
-    """Return the lenses of a network; deviations of emitters and the material do not change their drawing."""
-    drawn = {key: value for key, value in values.items() if not key.startswith(OFF_A_DRAWING)}
+    """Return the lenses of a network; deviations of emitters and the material do not change their shapes."""
+    drawn = {key: value for key, value in values.items() if not key.startswith(UNDRAWN_KEYS)}
     return network_lenses(with_values(sensor.design, drawn))
 
 
-def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:
+def response_at(sensor: Sensor, angles: Sequence[float], existing: Response | None = None) -> Response:
     """Return the response at angles; angles of an existing response are not traced again."""
-    missing = [angle for angle in angles if known is None or angle not in known.angle_deg]
-    old = None if known is None else known.part([known.at(angle) for angle in angles if angle not in missing])
-    if not missing and old is not None:
-        return old
-    found = sensor.power(missing, tolerance=TOLERANCE, standard_error=STANDARD_ERROR)
-    return found if old is None else old.joined(found)
+    missing = [angle for angle in angles if existing is None or angle not in existing.angle_deg]
+    known = [angle for angle in angles if angle not in missing]
+    kept = None if existing is None else existing.subset([existing.index_at(angle) for angle in known])
+    if not missing and kept is not None:
+        return kept
+    traced = sensor.power(missing, tolerance=TOLERANCE, standard_error=STANDARD_ERROR)
+    return traced if kept is None else kept.merged(traced)
 
 
-def index_steps(material: Optical, step: float) -> list[tuple[float, bool]]:
-    """Return the offsets of the index (lower, none, higher), and whether they are its standard uncertainty."""
+def index_offsets(material: Optical, step: float) -> list[tuple[float, bool]]:
+    """Return offsets of the index (lower, none, higher), and whether each is its standard uncertainty."""
     size = material.u_index or step
-    offsets = [one for one in (-size, 0.0, size) if material.index + one >= 1.0]
+    offsets = [offset for offset in (-size, 0.0, size) if material.index + offset >= 1.0]
     return [(offset, bool(material.u_index) and offset != 0.0) for offset in offsets]
 
 
 def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
     """Return the response near the null, at a third of the motion and at its ends; on one side only if symmetric."""
-    there = response.angle_deg
-    wanted = {float(there[0]), *(() if sensor.is_symmetric and there[0] < 0.0 else (float(there[-1]),))}
-    wanted |= {null_deg + NEAR_SHARE * (end - null_deg) for end in wanted} | {null_deg}
-    return response.part(sorted({response.at(angle) for angle in wanted}))
+    first, last = float(response.angle_deg[0]), float(response.angle_deg[-1])
+    ends = {first} if sensor.is_symmetric and first < 0.0 else {first, last}
+    angles = ends | {null_deg + NEAR_FRACTION * (end - null_deg) for end in ends} | {null_deg}
+    return response.subset(sorted({response.index_at(angle) for angle in angles}))
 
 
-def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
-    """Return half the change between the number minus and plus its tolerance; one-sided at a limit."""
-    tolerance, stated = tolerance_of(sensor, key)
+def _number_effect(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
+    """Return half the change from the number minus to plus its tolerance; the one-sided change at a limit."""
+    tolerance, by_uncertainty = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []
     for step in (-tolerance, tolerance):
         try:
-            other = off_by(sensor, key, step)
+            other = with_deviations(sensor, {key: step})
             other.body(angles[0])
         except SolenError:
             continue
-        ends.append(_still(sensor, other, base) or swept(other, angles))
+        ends.append(_with_symmetric_rest(sensor, other, base) or response_at(other, angles))
     if not ends:
-        off_by(sensor, key, tolerance).body(angles[0])  # raises the reason if impossible
+        with_deviations(sensor, {key: tolerance}).body(angles[0])  # raises the error of the impossible body
     low, high = ends if len(ends) == 2 else (base, ends[0])
     half = 1.0 / len(ends)
     effect = _effect(key, number(sensor, key), low, high, half)
     shift, u_shift = _shift(effect, null)
-    return replace(effect, tolerance=tolerance, by_uncertainty=stated, null_deg=shift, u_null_deg=u_shift)
+    return replace(effect, tolerance=tolerance, by_uncertainty=by_uncertainty, null_deg=shift, u_null_deg=u_shift)
 
 
-def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Return the response at rest if the sensor is symmetric (its contrast is 0 without a trace), else None."""
-    resting = base.angle_deg == 0.0
-    if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
+def _with_symmetric_rest(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
+    """Return the response of a symmetric sensor, whose contrast at rest is 0 without a trace; None otherwise."""
+    at_rest = base.angle_deg == 0.0
+    if not (at_rest.any() and sensor.is_symmetric and other.is_symmetric):
         return None
     moving = [float(angle) for angle in base.angle_deg if angle != 0.0]
-    return swept(other, moving).joined(base.part(np.flatnonzero(resting).tolist()))
+    return response_at(other, moving).merged(base.subset(np.flatnonzero(at_rest).tolist()))
 
 
-def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
-    """Return the effect of another join of the turned lens and the stem."""
-    other = sensor.set({JOIN: join})
-    other = replace(other, cut=sensor.cut, material=sensor.material)
-    ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
-    found = swept(other, sorted(ends))
-    return _effect(JOIN, join, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
+def _join_effect(sensor: Sensor, join: str, base: Response) -> Effect:
+    """Return the effect of another join between the rotated lens and the stem."""
+    other = replace(sensor.set({JOIN: join}), cut=sensor.cut, material=sensor.material)
+    return _effect_at_ends(JOIN, join, base, other)
 
 
-def _of_hold(sensor: Sensor, face: str, base: Response) -> Effect:
+def _hold_effect(sensor: Sensor, face: str, base: Response) -> Effect:
     """Return the effect of a soft body with some faces held and its lens in a turning clamp."""
-    ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
-    found = swept(soft(sensor, face), sorted(ends))
-    return _effect(HOLD, face, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
+    return _effect_at_ends(HOLD, face, base, on_soft_body(sensor, face))
 
 
-def soft(sensor: Sensor, face: str) -> Sensor:
-    """Return the sensor on a soft body with some faces held; driven by its clamp's angle, it needs no modulus."""
+def _effect_at_ends(key: str, value: str, base: Response, other: Sensor) -> Effect:
+    """Return the difference between another sensor and the base at the ends of the motion."""
+    ends = {float(base.angle_deg[index]) for index in (0, -1)} - {0.0}
+    response = response_at(other, sorted(ends))
+    return _effect(key, value, base.subset([base.index_at(angle) for angle in response.angle_deg]), response, 1.0)
+
+
+def on_soft_body(sensor: Sensor, face: str) -> Sensor:
+    """Return the sensor on a soft body with some faces held; as an angle is prescribed, any modulus will do."""
     design = sensor.design
     motion = Motion(
         kind="loaded",
@@ -239,21 +238,21 @@ def soft(sensor: Sensor, face: str) -> Sensor:
     return replace(sensor, design=changed.in_folder(design.folder))
 
 
-def _turns(sensor: Sensor) -> bool:
-    """Return whether solen designs the lens and the motion rotates it."""
+def _rotates_lens(sensor: Sensor) -> bool:
+    """Return whether the motion rotates a lens that solen has designed."""
     motion = sensor.design.motion
     return motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
 
 
 def _joins(sensor: Sensor) -> tuple[str, ...]:
-    """Return the other joins of a lens that rotates."""
-    return tuple(join for join in get_args(Join) if _turns(sensor) and join != sensor.design.motion.join)
+    """Return the other joins of a rotated lens."""
+    return tuple(join for join in get_args(Join) if _rotates_lens(sensor) and join != sensor.design.motion.join)
 
 
 def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:
     """Return the difference of two responses at the same angles, times ``half``."""
-    light = [float(np.mean(one.right + one.left)) for one in (low, high)]
-    u_light = [float(np.max(2.0 * one.u_power)) for one in (low, high)]
+    light = [response.received_share for response in (low, high)]
+    u_light = [float(np.max(2.0 * response.u_power)) for response in (low, high)]
     return Effect(
         key,
         value,
@@ -268,7 +267,7 @@ def _effect(key: str, value: float | str, low: Response, high: Response, half: f
 
 
 def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | None, float | None]:
-    """Return the shift of the null, from the change of the contrast there and its slope."""
+    """Return the shift of the null and its uncertainty, from the change and the slope of the contrast there."""
     if null is None or not abs(null[1].value) > 0.0:
         return None, None
     near, slope = int(np.argmin(np.abs(effect.angle_deg - null[0]))), null[1]
@@ -277,7 +276,7 @@ def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | No
 
 
 def _offset(material: Optical, step: float, light: Light) -> Optical:
-    """Return the material with its index changed by a step at all wavelengths of a light."""
+    """Return the material with its index changed by a step at all wavelengths of the light."""
     dispersion = material.dispersion
     if dispersion is None or not light.spectrum:
         return replace(material, index=material.index + step, dispersion=None)
@@ -285,5 +284,5 @@ def _offset(material: Optical, step: float, light: Light) -> Optical:
     values = [dispersion.index(nm) + step for nm in lines]
     if len(lines) == 1:
         lines, values = [*lines, lines[0] + 1.0], [*values, values[0]]
-    moved = Tabulated(kind="table", wavelength_nm=tuple(lines), n=tuple(values))
-    return replace(material, index=material.index + step, dispersion=moved)
+    table = Tabulated(kind="table", wavelength_nm=tuple(lines), n=tuple(values))
+    return replace(material, index=material.index + step, dispersion=table)

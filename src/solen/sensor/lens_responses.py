@@ -1,8 +1,8 @@
-"""Responses of one sensor with several lenses: contrast at a few angles, and light, each with its standard error.
+"""Responses of one sensor with several lenses: contrast and light at a few angles, with their standard errors.
 
-All are sampled in the same way, so that a cylinder and a lens for space are comparable.
+All are sampled in the same way, so that a cylinder and a lens for skew rays are comparable.
 
-Public name: `lens_responses`.
+Public names: `lens_responses` and `LensResponse`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ class LensResponse:
     name
         Name of the lens.
     angle_deg, contrast, u_contrast
-        Angles (N,), contrast there, and its standard error; NaN without light.
+        Angles (N,), the contrast there and its standard error; NaN without light.
     light, u_light
         Fraction of the emitted power at both receivers, averaged over the angles, and an upper limit of its standard
-        error: errors of both receivers and of all angles, which share a seed, are added linearly.
+        error: the errors of both receivers and of all angles, which share a seed, are added linearly.
     """
 
     name: str
@@ -43,18 +43,18 @@ class LensResponse:
 
     @classmethod
     def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
-        """Return the response of a sensor; positive angles increase the power at the right receiver."""
-        read = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
-        u_light = 2.0 * float(read.u_power.max())
-        return cls(name, read.angle_deg, read.contrast, read.u_contrast, read.received_share, u_light)
+        """Return the response of a sensor, with the sign of the angles such that positive ones brighten the right."""
+        response = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
+        u_light = 2.0 * float(response.u_power.max())
+        return cls(name, response.angle_deg, response.contrast, response.u_contrast, response.received_share, u_light)
 
 
 def lens_responses(
     sensors: Mapping[str, Sensor], angles_deg: Sequence[float] = ANGLES_DEG, progress: Progress | None = None
 ) -> tuple[LensResponse, ...]:
-    """Return responses of sensors by the names of their lenses; raise `DesignError` without two receivers."""
-    made = []
+    """Return the responses of sensors keyed by the names of their lenses; raise `DesignError` without two receivers."""
+    responses = []
     for name, sensor in tracked(sensors.items(), progress):
         sensor.check_pair()
-        made.append(LensResponse.of(name, sensor, angles_deg))
-    return tuple(made)
+        responses.append(LensResponse.of(name, sensor, angles_deg))
+    return tuple(responses)

@@ -1,11 +1,11 @@
 """A soft sensor under load: its response to an angle, a depth or a force, compared with that of a rigid sensor.
 
 Every value of the driven quantity defines a state of the body (`solen.mechanics.design`), which is traced like an angle
-of any other motion. Two responses are computed for comparison. In the rigid one, the lens rotates by the same angle on
-an undeformed body. The other uses the other plane model: a real part is between plane strain and plane stress, and the
-difference between the two is the model uncertainty.
+of any other motion. Two responses are computed for comparison: that of a rigid body whose lens rotates by the same
+angle, and that of the other plane model. A real part is between plane strain and plane stress, so the difference
+between the two indicates the model uncertainty.
 
-Public names: `loaded_study` and `deform`.
+Public names: `loaded_study`, `LoadedStudy`, `deform`, `Deformation` and `force_of`.
 """
 
 from collections.abc import Sequence
@@ -19,30 +19,28 @@ from solen.geometry.body import place_text
 from solen.geometry.notches import ClosedNotch
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
-from solen.mechanics.outcome import LARGE
+from solen.mechanics.outcome import MAX_FITTED_STRAIN
 from solen.progress import Progress
 from solen.ranks import Caution, warning
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.readings import readings_from
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
-from solen.sensor.traced import beyond, check_value
+from solen.sensor.traced import check_value, range_cautions
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design, Motion
 from solen.spec.soft import Mechanics, driven
 
-FEW = 3
+COMPARED_VALUES = 3
 """Number of values at which the plane models are compared."""
-APART = 0.02
-"""Contrast difference between the plane models that is accepted without a warning."""
-OFF_MM = 2e-3
-"""Distance between an optical wall and the finite elements that is accepted without a warning: about 0.001 of
-contrast.
-"""
-SLIGHT_MM = 1e-4
-"""Wall overlap in a closed notch that is accepted without a warning."""
+MAX_PLANE_DIFFERENCE = 0.02
+"""Largest contrast difference between the plane models that causes no warning."""
+MAX_WALL_ERROR_MM = 2e-3
+"""Largest distance between an optical wall and the finite elements that causes no warning: about 0.001 of contrast."""
+MAX_OVERLAP_MM = 1e-4
+"""Largest overlap of the walls of a closed notch that causes no warning."""
 LARGE_STRAIN = 0.3
-"""Strain above which a neo-Hookean model is unreliable."""
+"""Strain above which a modulus alone (the neo-Hookean model) is unreliable."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,9 @@ class PlaneSpread:
 
     @reported
     def apart(self) -> float | None:
-        """Largest difference; None if every value is without light in one of the models."""
-        off = np.abs(self.strain - self.stress)
-        return float(np.nanmax(off)) if np.isfinite(off).any() else None
+        """Largest difference; None if at every value, no light arrives in one of the models."""
+        difference = np.abs(self.strain - self.stress)
+        return float(np.nanmax(difference)) if np.isfinite(difference).any() else None
 
 
 class Deformation(Result):
@@ -70,8 +68,8 @@ class Deformation(Result):
     angle_deg, depth_mm, force_N
         Value of that quantity; the other two are None.
     turn_deg, shift_mm
-        Counter-clockwise rotation of the part that carries the emitter, and its displacement at the centre of the
-        stem's base.
+        Counter-clockwise rotation of the part that carries the emitter, and displacement of the centre of the stem's
+        base.
     strain_largest
         Largest principal strain, ln λ, in magnitude.
     reactions
@@ -79,10 +77,9 @@ class Deformation(Result):
     contacts
         Contacts between fingers and the body.
     off_mm
-        Largest distance between an optical wall and the finite elements between their nodes.
+        Largest distance between an optical wall and the finite elements, between their nodes.
     bulge_mm
-        Distance of the walls from vertical at mid-height, for a body that is free along y; the tracer assumes vertical
-        walls.
+        Largest bulge of the walls at mid-height, if the body is free along y; rays are traced with upright walls.
     warnings
         Reasons for uncertainty.
     simulated
@@ -115,18 +112,17 @@ class LoadedStudy(Result):
     design
         The design studied.
     drives
-        Number of the design that is driven.
+        Key of the number that is driven.
     angle_deg, depth_mm, force_N
-        Values of an angle, a depth and a force; both of the latter for a finger; None for quantities that the motion
-        lacks.
+        Values of the driven angle, depth or force, and for a finger both depth and force; the others are None.
     moment_Nmm
         Moment of a driven clamp, about its pivot; None otherwise.
     turn_deg, lens_turn_deg
         Rotation of the part that carries the emitter, 0 if the emitter is on the ground, and rotation of the lens.
     rigid_contrast, rigid_refused
-        Contrast of the rigid sensor with the lens rotated by the same angle, or None with the reason.
+        Contrast of the rigid sensor with the lens rotated by the same angle; None with the reason if there is none.
     receivers, voltage_V
-        Names of the receivers, and the voltage (N, 2) of the circuit of ``[readout]`` at each.
+        Names of the receivers, and their voltages (N, 2) in the circuit of ``[readout]``.
     strain_largest, off_mm
         Largest principal strain, and largest distance between an optical wall and the finite elements.
     planes
@@ -163,12 +159,12 @@ class LoadedStudy(Result):
 
     @reported
     def right(self) -> FloatArray:
-        """Power at the right receiver, as a fraction of the emitted power."""
+        """Power (N,) at the right receiver, as a fraction of the emitted power."""
         return self.response.right
 
     @reported
     def left(self) -> FloatArray:
-        """Power at the left receiver, as a fraction of the emitted power."""
+        """Power (N,) at the left receiver, as a fraction of the emitted power."""
         return self.response.left
 
     @reported
@@ -188,7 +184,7 @@ class LoadedStudy(Result):
 
     @property
     def values(self) -> FloatArray:
-        """Values of the driven quantity, in its own unit."""
+        """Values (N,) of the driven quantity, in its unit."""
         return self.response.angle_deg
 
 
@@ -198,9 +194,9 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
     Raises
     ------
     SpecError
-        If the value is not a valid one.
+        If the value is invalid.
     DesignError
-        If the design is not a loaded one, or the body cannot bear the load.
+        If the design is not loaded, or the body cannot bear the load.
     """
     loaded, motion = sensor.loaded, sensor.design.motion
     value = motion.values()[-1] if value is None else value
@@ -220,25 +216,25 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         contacts=state.deformed.contacts,
         off_mm=state.displaced.off_mm,
         bulge_mm=state.deformed.bulge_mm,
-        warnings=(*beyond(sensor, value), *stiffness_cautions(sensor.design), *_cautions([state])),
+        warnings=(*range_cautions(sensor, value), *stiffness_cautions(sensor.design), *_cautions([state])),
     )
 
 
 def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStudy:
-    """Return the response of a soft sensor over its motion, in power; raises the errors of `deform`."""
+    """Return the response of a soft sensor over its motion, in power; raise the errors of `deform`."""
     sensor.check_pair()
     values = sensor.design.motion.values()
     states = tuple(sensor.loaded.states(values))
     response = sensor.power(values, progress)
-    rigid, refused = _rigid(sensor, [state.lens_turn_deg for state in states])
+    rigid, reason = _rigid(sensor, [state.lens_turn_deg for state in states])
     planes = _planes(sensor, response)
-    volts = readings_from(sensor, response)
+    readings = readings_from(sensor, response)
     warnings = [
         *sensor.warnings,
         *stiffness_cautions(sensor.design),
         *keys_without_effect(sensor),
         *_cautions(states),
-        *_of_planes(sensor, planes),
+        *_plane_cautions(sensor, planes),
     ]
     return LoadedStudy(
         sensor=sensor,
@@ -253,9 +249,9 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
         turn_deg=np.array([state.turn_deg for state in states]),
         lens_turn_deg=np.array([state.lens_turn_deg for state in states]),
         rigid_contrast=rigid,
-        rigid_refused=refused,
-        receivers=volts.circuit.names,
-        voltage_V=volts.voltage_V,
+        rigid_refused=reason,
+        receivers=readings.circuit.names,
+        voltage_V=readings.voltage_V,
         strain_largest=np.array([state.deformed.strain_largest for state in states]),
         off_mm=np.array([state.displaced.off_mm for state in states]),
         planes=planes,
@@ -265,7 +261,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
 
 
 def rigid_design(design: Design) -> Design:
-    """Return an optically equivalent design with a rigid lens that rotates on a rigid body."""
+    """Return the design with a rigid body, on which the lens rotates."""
     pivots = [hold.about for hold in design.hold if hold.name == driven(design)[1] and hold.about is not None]
     moves = ("lens",) if design.motion.emitter_on == "ground" else ("lens", "emitter")
     motion = Motion(pivot=pivots[0] if pivots else "stem-base", moves=moves)
@@ -280,43 +276,43 @@ def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | Non
     rigid = replace(sensor, design=rigid_design(sensor.design))
     try:
         return rigid.power(turns_deg).contrast, None
-    except SolenError as bad:
-        return None, str(bad)
+    except SolenError as error:
+        return None, str(error)
 
 
 def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
-    """Return the contrast in both plane models at a few values; plane stress conserves the volume."""
+    """Return the contrast in both plane models at a few values; in the other model, the body is incompressible."""
     design = sensor.design
     other = "stress" if design.mechanics.plane == "strain" else "strain"
-    places = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, FEW)})
-    values = response.angle_deg[places]
+    indices = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, COMPARED_VALUES)})
+    values = response.angle_deg[indices]
     changed = design.mechanics.model_copy(update={"plane": other, "poisson": 0.5})
-    there = replace(sensor, design=design.model_copy(update={"mechanics": changed}).in_folder(design.folder))
+    other_sensor = replace(sensor, design=design.model_copy(update={"mechanics": changed}).in_folder(design.folder))
     try:
-        contrast = there.power(values.tolist()).contrast
+        other_contrast = other_sensor.power(values.tolist()).contrast
     except SolenError:
         return None
-    own = response.contrast[places]
-    return PlaneSpread(values, *((own, contrast) if other == "stress" else (contrast, own)))
+    contrast = response.contrast[indices]
+    return PlaneSpread(values, *((contrast, other_contrast) if other == "stress" else (other_contrast, contrast)))
 
 
-def _array(states: Sequence[LoadedState], what: str) -> FloatArray | None:
-    """Return the angle, depth, force or moment of the driven quantity in every state; None if it has none."""
-    found = [_number(state, what) for state in states]
-    return None if None in found else np.array(found, dtype=float)
+def _array(states: Sequence[LoadedState], key: str) -> FloatArray | None:
+    """Return the angle, depth, force or moment of the driven part in every state; None if it has none."""
+    values = [_number(state, key) for state in states]
+    return None if None in values else np.array(values, dtype=float)
 
 
-def _number(state: LoadedState, what: str) -> float | None:
-    table, name, key = driven(state.design)
-    if what == key:
+def _number(state: LoadedState, key: str) -> float | None:
+    table, name, driven_key = driven(state.design)
+    if key == driven_key:
         return state.value
-    if table == "hold" and what == "moment_Nmm":
+    if table == "hold" and key == "moment_Nmm":
         return next(reaction.moment_Nmm for reaction in state.deformed.reactions if reaction.name == name)
-    touches = [contact for contact in state.deformed.contacts if contact.name == name]
-    if table == "press" and what == "force_N":
-        return sum(touch.force_N for touch in touches)
-    if table == "press" and what == "depth_mm":
-        return max((touch.depth_mm for touch in touches), default=0.0)
+    contacts = [contact for contact in state.deformed.contacts if contact.name == name]
+    if table == "press" and key == "force_N":
+        return sum(contact.force_N for contact in contacts)
+    if table == "press" and key == "depth_mm":
+        return max((contact.depth_mm for contact in contacts), default=0.0)
     return None
 
 
@@ -327,41 +323,34 @@ def force_of(sensor: Sensor, value: float) -> float:
 
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     """Return the warnings of several states, without duplicates."""
-    found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
+    cautions: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
-    if LARGE_STRAIN < strain <= LARGE:  # above LARGE the body warns itself
-        found.append(
-            warning(
-                f"strains reach {strain:.2f}: a modulus alone does not determine the "
-                "deformation of a rubber at these strains"
-            )
-        )
+    if LARGE_STRAIN < strain <= MAX_FITTED_STRAIN:  # larger strains are among the warnings of the states
+        text = f"strains reach {strain:.2f}, at which a modulus alone does not determine the deformation of a rubber"
+        cautions.append(warning(text))
     off_mm = max(state.displaced.off_mm for state in states)
-    if off_mm > OFF_MM:
-        limit = "the largest distance between an optical wall and the finite elements, between their nodes,"
-        found.append(warning(f"{limit} is {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
-    notches = [one for state in states for one in state.displaced.closed if one.overlap_mm > SLIGHT_MM]
-    return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
+    if off_mm > MAX_WALL_ERROR_MM:
+        text = f"the optical walls deviate from the finite elements by up to {off_mm:.1g} mm between the nodes"
+        cautions.append(warning(f"{text}; set a smaller mechanics.mesh_mm"))
+    notches = [notch for state in states for notch in state.displaced.closed if notch.overlap_mm > MAX_OVERLAP_MM]
+    return [*cautions, *([_notch_caution(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
 
-def _of_notch(notch: ClosedNotch) -> Caution:
-    where = (
-        f"{' and '.join(notch.faces)} close the notch between them as far as {place_text(notch.at_mm)}, "
-        f"over {notch.length_mm:.2g} mm"
-    )
-    deep = f"would overlap by {1e3 * notch.overlap_mm:.2g} µm"
+def _notch_caution(notch: ClosedNotch) -> Caution:
     return warning(
-        f"{where}, and {deep}: light passes between them as in one body, and their contact force is neglected"
+        f"{' and '.join(notch.faces)} close the notch between them as far as {place_text(notch.at_mm)}, over "
+        f"{notch.length_mm:.2g} mm, and would overlap by {1e3 * notch.overlap_mm:.2g} µm: light passes between them as "
+        "in one body, and their contact force is neglected"
     )
 
 
-def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
-    if planes is None or planes.apart is None or planes.apart <= APART:
+def _plane_cautions(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
+    if planes is None or planes.apart is None or planes.apart <= MAX_PLANE_DIFFERENCE:
         return []
     return [
         warning(
-            f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: "
-            f"a part {sensor.design.body.thickness_mm:g} mm thick lies between the two, and only "
-            "a three-dimensional model could predict its response"
+            f"the contrasts in plane strain and in plane stress differ by up to {planes.apart:.2f}: a part with a "
+            f"thickness of {sensor.design.body.thickness_mm:g} mm is between the two, and only a three-dimensional "
+            "model could predict its response"
         )
     ]

@@ -1,9 +1,9 @@
-"""A sensor at an angle, drawn in its plane: outline, emitter, rays, and handles for dragging.
+"""Drawing of a sensor at an angle, in its plane: outline, emitter, rays, and handles for dragging.
 
-The drawn rays are always in the plane: they show the path of the light and are not used for powers. `dragged` gives the
-numbers of the design that change if a handle is dragged.
+The drawn rays are always in the plane: they show the paths of the light and are not used for powers. `dragged` returns
+the values of the design that change if a handle is dragged.
 
-Public names: `in_plane`, `picture` and `dragged`.
+Public names: `in_plane`, `picture`, `Picture` and `dragged`.
 """
 
 from typing import Any
@@ -16,20 +16,20 @@ from solen.geometry import Body
 from solen.plane import Point, Rigid
 from solen.results import Result
 from solen.sensor.handles import handles_of
-from solen.sensor.sensor import OF_SHAPES, Sensor
+from solen.sensor.sensor import NO_SHAPE_KEYS, Sensor
 from solen.spec import with_values
 from solen.trace import Limits, Trace, trace
 from solen.trace.result import DETECTED, FATES, GOES_ON, TRUNCATED
 
-RAYS, MAX_RAYS = 200, 5000
-WEAKEST = 0.01
-"""Fraction of its ray's power below which a branch is not drawn."""
-FLAT_MM = 2e-3
-"""Largest distance of drawn outlines from the exact ones."""
+DEFAULT_RAYS, MAX_RAYS = 200, 5000
+MIN_POWER = 0.01
+"""Smallest power of a drawn branch, as a fraction of its ray's launched power."""
+CHORD_MM = 2e-3
+"""Largest distance between drawn and exact outlines."""
 
 
 class Picture(Result):
-    """A sensor at an angle, in its plane.
+    """Drawing of a sensor at an angle, in its plane.
 
     Attributes
     ----------
@@ -40,14 +40,14 @@ class Picture(Result):
     outline
         Points (N, 2), x and z in mm, of all faces in order.
     emitter
-        (2, 2) ends of the chip, which are equal for a point.
+        Ends (2, 2) of the chip, which are equal for a point.
     ends
-        Ends of rays: names of receivers, then ``escaped``, ``absorbed`` and ``truncated``.
+        Possible ends of a ray: names of receivers, then ``escaped``, ``absorbed`` and ``truncated``.
     rays
-        (M, 6) segments: start x, z, end x, z in mm, power at the start relative to a ray's launched power, and index in
-        ``ends``.
+        Segments (M, 6): start x, z, end x, z in mm, power at the start relative to the ray's launched power, and index
+        of the ray's end in ``ends``.
     handles
-        Points that can be dragged.
+        Points that can be dragged, keyed by name.
     """
 
     angle_deg: float
@@ -60,27 +60,27 @@ class Picture(Result):
 
 
 def in_plane(sensor: Sensor) -> Sensor:
-    """Return the sensor with its rays in the plane; a lens that is not a cylinder is replaced by the oval."""
+    """Return the sensor with rays in the plane; a lens that is not a cylinder is replaced by the oval."""
     if sensor.design.trace.dimension == "2d":
         return sensor
-    oval = OF_SHAPES | {"lens.shape": "cartesian-oval"} if sensor.is_sampled else {}
+    oval = NO_SHAPE_KEYS | {"lens.shape": "cartesian-oval"} if sensor.is_sampled else {}
     flat: dict[str, Any] = {"trace.dimension": "2d", "receivers.height_mm": None, "emitter.y_mm": 0.0}
     return Sensor.of(with_values(sensor.design, flat | oval))
 
 
-def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: bool = False) -> Picture:
-    """Draw a sensor at an angle.
+def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = DEFAULT_RAYS, *, split: bool = False) -> Picture:
+    """Return the drawing of a sensor at an angle.
 
     Parameters
     ----------
     sensor
-        A sensor; see `in_plane`.
+        The sensor, which is traced as by `in_plane`.
     angle_deg
         Angle, or other value driven by the motion.
     rays
         Number of rays that start at the emitter.
     split
-        Follow both branches at each face, down to a hundredth of the power, rather than unsplit rays.
+        Whether to draw both branches at each face, down to a hundredth of the power, rather than unsplit rays.
 
     Raises
     ------
@@ -90,23 +90,23 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: 
     flat = in_plane(sensor)
     body = flat.body(angle_deg)
     scene = flat.scene(angle_deg, rays)
-    found = trace(scene, "power" if split else "count", Limits(min_weight=WEAKEST), legs=True, threads=1)
+    traced = trace(scene, "power" if split else "count", Limits(min_weight=MIN_POWER), legs=True, threads=1)
     receivers = [interface.receiver for interface in scene.interfaces]
     names = tuple(dict.fromkeys(name for name in receivers if name))
-    faces = [(face.name, face.curve.flattened(FLAT_MM)) for face in (*body.all_faces, *body.apart)]
+    faces = [(face.name, face.curve.flattened(CHORD_MM)) for face in (*body.all_faces, *body.apart)]
     return Picture(
         angle_deg=angle_deg,
         faces=tuple((name, len(points)) for name, points in faces),
         outline=np.vstack([points for _, points in faces]),
         emitter=_chip(body, flat.light.width_mm or body.emitter.width_mm),
         ends=(*names, *FATES[DETECTED + 1 :]),
-        rays=_stretches(found, [names.index(name) if name else -1 for name in receivers], len(names), rays),
+        rays=_segments(traced, [names.index(name) if name else -1 for name in receivers], len(names), rays),
         handles={name: handle.point for name, handle in handles_of(sensor, body, angle_deg).items()},
     )
 
 
 def dragged(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> tuple[float, dict[str, Any]]:
-    """Return the angle, and values of the design by dotted keys, that move a handle to a point.
+    """Return the angle, and the values of the design by dotted key, that move a handle to a point.
 
     Raises
     ------
@@ -115,29 +115,30 @@ def dragged(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> t
     """
     handles = handles_of(sensor, sensor.body(angle_deg), angle_deg)
     if handle not in handles:
-        raise DesignError("handle", value=handle, limit=f"this sensor has {', '.join(handles) or 'none'}")
-    one = handles[handle]
-    return angle_deg if one.angle is None else one.angle(to), one.values(to)
+        names = f"the handles are {', '.join(handles)}" if handles else "this sensor has no handles"
+        raise DesignError("handle", value=handle, limit=f"does not exist: {names}")
+    handled = handles[handle]
+    return angle_deg if handled.angle is None else handled.angle(to), handled.values(to)
 
 
 def _chip(body: Body, width_mm: float) -> FloatArray:
-    turned = Rigid.about((0.0, 0.0), body.emitter.axis_deg).vector((0.5 * width_mm, 0.0))
-    at = np.array(body.emitter.point)
-    return np.stack([at - turned, at + turned])
+    half_chip = Rigid.about((0.0, 0.0), body.emitter.axis_deg).vector((0.5 * width_mm, 0.0))
+    centre = np.array(body.emitter.point)
+    return np.stack([centre - half_chip, centre + half_chip])
 
 
-def _stretches(found: Trace, receiver: list[int], receivers: int, rays: int) -> FloatArray:
-    """Return the segments of a trace, each with the end of its branch; escaping segments have a length of 1 mm."""
-    legs = found.legs
+def _segments(traced: Trace, receiver: list[int], receivers: int, rays: int) -> FloatArray:
+    """Return the segments of a trace, each with the end of its ray; escaping segments have a length of 1 mm."""
+    legs = traced.legs
     if legs is None or len(legs) == 0:
         return np.zeros((0, 6))
-    new = np.flatnonzero((np.diff(legs["ray"], prepend=-1) != 0) | (np.diff(legs["branch"], prepend=-1) != 0))
-    last = np.append(new[1:], len(legs)) - 1
-    of = np.array([*receiver, -1])[legs["interface"][last]]
+    first = np.flatnonzero((np.diff(legs["ray"], prepend=-1) != 0) | (np.diff(legs["branch"], prepend=-1) != 0))
+    last = np.append(first[1:], len(legs)) - 1
+    receiver_index = np.array([*receiver, -1])[legs["interface"][last]]
     fate = np.where(legs["fate"][last] == GOES_ON, TRUNCATED, legs["fate"][last])
-    end = np.where(fate == DETECTED, of, fate - DETECTED - 1 + receivers)
+    ray_end = np.where(fate == DETECTED, receiver_index, fate - DETECTED - 1 + receivers)
     length = np.where(np.isfinite(legs["length_mm"]), legs["length_mm"], 1.0)
     start = np.column_stack([legs["x_mm"], legs["z_mm"]])
-    stop = start + length[:, None] * np.column_stack([legs["dx"], legs["dz"]])
+    segment_end = start + length[:, None] * np.column_stack([legs["dx"], legs["dz"]])
     power = (legs["power_s"] + legs["power_p"]) * rays
-    return np.column_stack([start, stop, power, np.repeat(end, last - new + 1)])
+    return np.column_stack([start, segment_end, power, np.repeat(ray_end, last - first + 1)])

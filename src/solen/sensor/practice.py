@@ -1,11 +1,11 @@
 """A sensor as built: with an LED of finite size that emits into space, and numbers that deviate by their tolerances.
 
-One sensor is described in three ways: as in the paper, with a point emitter in the plane; as the design specifies it;
-and as built, with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan.
-Effects are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be
-built, are omitted; `Practice.skipped` gives the reasons.
+The response is computed in three ways: as in the paper, with a point emitter in the plane; as the design specifies; and
+as built, in space, with the design's chip (or one of `CHIP_MM` in place of a point) and Lambertian emission in place of
+a fan. Effects are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or
+cannot be built, are omitted; `Practice.skipped` gives the reasons.
 
-Public names: `practice` and `Practice`.
+Public names: `practice`, `Practice`, `Built`, `Extent`, `as_built` and `subsample`.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,22 +21,20 @@ from solen.sensor.budget import Budget, budget
 from solen.sensor.effects import HOLD, HOLDS, TOLERANCE, Effect, effects
 from solen.sensor.lens_choice import LensChoice, lens_choice
 from solen.sensor.response import Response
-from solen.sensor.sensor import OF_SHAPES, Sensor
+from solen.sensor.sensor import NO_SHAPE_KEYS, Sensor
 from solen.spec import with_values
 from solen.trace import Slope
 
 CHIP_MM = 0.2
 """Width and height of a small LED chip, used if the design specifies no size."""
 MAX_ANGLES = 13
-"""Maximum number of angles for tracing a sensor that differs from the design."""
+"""Maximum number of angles at which a sensor that differs from the design is traced."""
 PAPER_TOLERANCE = 1e-5
 """Tolerance of the integrated response as in the paper."""
-MOVED = 0.05
-"""Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of the contrast
-range.
-"""
-UNSTATED = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
-PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in UNSTATED) | {
+MIN_CONTRAST_CHANGE = 0.05
+"""Smallest change of the contrast that causes a warning: a fortieth of the contrast range."""
+REMOVED_KEYS = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
+PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in REMOVED_KEYS) | {
     "emitter.pattern": "fan",
     "emitter.exponent": 1.0,
     "emitter.cone_deg": 120.0,
@@ -44,16 +42,16 @@ PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in UNSTATED) | {
     "emitter.height_mm": 0.0,
     "trace.dimension": "2d",
 }
-"""Settings that replace any emitter by the paper's."""
+"""Values that replace any emitter by the paper's."""
 DARK: dict[str, Any] = {"ambient.power": 0.0, "ambient.irradiance_per_mm": 0.0}
-"""Settings that omit ambient light, which is modelled in the plane only and is subtracted anyway."""
+"""Values that remove ambient light, which is modelled in the plane only and subtracted in a measurement."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Emitter size: the design's ``own``, a chip for ``comparison``, or that of a ray ``file``."""
+    """Emitter size: the design's ``own``, that of a chip for ``comparison``, or that of a ray ``file``."""
 
     width_mm: float
     height_mm: float
@@ -68,9 +66,9 @@ class Built(Result):
     emitter
         Size of the chip.
     pattern, pattern_replaced
-        Emission pattern, and whether it replaces the design's fan, which has no light out of the plane.
+        Emission pattern, and whether it replaces the design's fan, which emits no light out of the plane.
     cone_deg, thickness_mm
-        Cone of the emitter and thickness of the body.
+        Cone of the emitter, and thickness of the body.
     is_design
         Whether it is the design itself.
     response
@@ -92,7 +90,7 @@ class Built(Result):
 
 
 class Practice(Result):
-    """A design as built; ``skipped`` explains each None by its name.
+    """A design as built, compared with variants.
 
     Attributes
     ----------
@@ -101,13 +99,13 @@ class Practice(Result):
     built
         The sensor with its LED in space.
     effects
-        Effects of errors of its numbers on the response, the largest first.
+        Effects of deviations of its numbers on the response, the largest first.
     budget
         Light budget at rest.
     lenses
         The design with other lenses.
     skipped
-        Reasons for missing parts.
+        Reasons for missing parts, keyed by name.
     """
 
     paper: Response | None
@@ -118,88 +116,88 @@ class Practice(Result):
     skipped: dict[str, str]
 
     def effect(self, key: str) -> Effect | None:
-        """Return the effect of a number by its key."""
+        """Return the effect of a number, or None if it was not computed."""
         return next((effect for effect in self.effects if effect.key == key), None)
 
     @reported
     def warnings(self) -> tuple[str, ...]:
-        """Warnings before printing."""
-        return (*self._of_the_index(), *self._of_holds())
+        """Warnings to consider before printing."""
+        return (*self._index_warnings(), *self._hold_warnings())
 
-    def _of_holds(self) -> tuple[str, ...]:
-        """Return a warning if the way a soft body is held affects the response."""
-        found = [effect for effect in self.effects if effect.key == HOLD]
-        most = max(found, key=lambda effect: effect.largest, default=None)
+    def _hold_warnings(self) -> tuple[str, ...]:
+        """Return a warning if the supports of a soft body affect the response."""
         for key, why in self.skipped.items():
             if key.startswith(HOLD) and "not installed" in why:
-                return (f"the supports of a soft body, which may matter most, were not compared: {why}",)
-        if most is None or most.largest < MOVED:
+                return (f"the supports of a soft body, which may have the largest effect, were not compared: {why}",)
+        holds = [effect for effect in self.effects if effect.key == HOLD]
+        largest = max(holds, key=lambda effect: effect.largest, default=None)
+        if largest is None or largest.largest < MIN_CONTRAST_CHANGE:
             return ()
-        place = int(np.nanargmax(np.abs(most.contrast)))
+        place = int(np.nanargmax(np.abs(largest.contrast)))
         return (
-            f"the body is treated as rigid: for a soft body held by {HOLDS[str(most.value)]}, the contrast "
-            f"differs by {most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; "
-            'specify its supports with motion.kind = "loaded"',
+            f"the body is treated as rigid: for a soft body held by {HOLDS[str(largest.value)]}, the contrast "
+            f"differs by {largest.contrast[place]:+.2g} at {largest.angle_deg[place]:+.3g}°; "
+            'set motion.kind = "loaded" and specify its supports',
         )
 
-    def _of_the_index(self) -> tuple[str, ...]:
+    def _index_warnings(self) -> tuple[str, ...]:
         """Return a warning if the index is not known well enough."""
-        index = self.effect("material.index")
-        if index is None or not index.by_uncertainty or index.largest < MOVED:
+        effect = self.effect("material.index")
+        if effect is None or not effect.by_uncertainty or effect.largest < MIN_CONTRAST_CHANGE:
             return ()
-        place = int(np.nanargmax(np.abs(index.contrast)))
+        place = int(np.nanargmax(np.abs(effect.contrast)))
         return (
-            f"the index is known only to ± {index.tolerance:.2g}: within this range the contrast "
-            f"changes by up to {index.largest:.2g}, at {index.angle_deg[place]:+.3g}°",
+            f"the index is known only to ± {effect.tolerance:.2g}: within this range the contrast "
+            f"changes by up to {effect.largest:.2g}, at {effect.angle_deg[place]:+.3g}°",
         )
 
 
-class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
-    """Reasons why parts do not apply to a design."""
+class _NotApplicableError(Exception):
+    """Reason why a part does not apply to a design."""
 
 
 def practice(
-    sensor: Sensor, own: Response, progress: Progress | None = None, *, slope: Slope | None = None
+    sensor: Sensor, response: Response, progress: Progress | None = None, *, slope: Slope | None = None
 ) -> Practice:
-    """Compute a sensor as in the paper and as built, and the effects of tolerances.
+    """Return the response of a sensor as in the paper and as built, and the effects of tolerances.
 
     Parameters
     ----------
     sensor
         The design.
-    own
+    response
         Its response in power.
     progress
         Function called with the completed fraction, up to 1.
     slope
-        Slope of its contrast at the null, if already computed.
+        Slope of the contrast at its null, if already computed.
     """
     skipped: dict[str, str] = {}
 
     def part(name: str, make: Callable[[], T], done: float) -> T | None:
-        made: T | None = None
+        result: T | None = None
         try:
-            made = make()
-        except (_NoMeaning, SolenError) as why:
-            skipped[name] = str(why)
+            result = make()
+        except (_NotApplicableError, SolenError) as reason:
+            skipped[name] = str(reason)
         if progress is not None:
             progress(done)
-        return made
+        return result
 
-    paper = part("paper", lambda: _as_in_paper(sensor, own), 0.05)
-    real = part("built", lambda: as_built(sensor), 0.1)
-    built = None if real is None else part("built", lambda: _built(sensor, real, own, slope), 0.4)
-    found: tuple[Effect, ...] = ()
-    if real is not None and built is not None:
+    paper = part("paper", lambda: _paper_response(sensor, response), 0.05)
+    built_sensor = part("built", lambda: as_built(sensor), 0.1)
+    built = None if built_sensor is None else part("built", lambda: _built(sensor, built_sensor, response, slope), 0.4)
+    changes: tuple[Effect, ...] = ()
+    if built_sensor is not None and built is not None:
         null = None
         if built.null_deg is not None and built.slope_per_deg is not None and built.u_slope_per_deg is not None:
             null = (built.null_deg, Slope(built.slope_per_deg, built.u_slope_per_deg))
-        found, left_out = effects(real, built.response, null, part_of(progress, 0.4, length=0.4))
-        skipped |= left_out
-    shares = part("budget", lambda: budget(sensor), 0.9)
+        changes, omitted = effects(built_sensor, built.response, null, part_of(progress, 0.4, length=0.4))
+        skipped |= omitted
+    light_budget = part("budget", lambda: budget(sensor), 0.9)
     null_deg = None if built is None else built.null_deg
-    lenses = part("lenses", lambda: lens_choice(sensor, own, null_deg), 1.0)
-    return Practice(paper, built, found, shares, lenses, skipped)
+    lenses = part("lenses", lambda: lens_choice(sensor, response, null_deg), 1.0)
+    return Practice(paper, built, changes, light_budget, lenses, skipped)
 
 
 def extent_of(sensor: Sensor) -> Extent:
@@ -213,16 +211,16 @@ def extent_of(sensor: Sensor) -> Extent:
     return Extent(CHIP_MM, light.height_mm or CHIP_MM, "comparison")
 
 
-def _as_in_paper(sensor: Sensor, own: Response) -> Response:
+def _paper_response(sensor: Sensor, response: Response) -> Response:
     light = sensor.light
     values = PAPER | {"emitter.wavelength_nm": light.wavelength_nm}
     if sensor.design.lens.in_space:  # it would be the oval in the plane
-        values |= OF_SHAPES | {"lens.shape": "cartesian-oval"}
+        values |= NO_SHAPE_KEYS | {"lens.shape": "cartesian-oval"}
     paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
-        raise _NoMeaning("the design is a point in the plane")
+        raise _NotApplicableError("the design is a point in the plane")
     tolerance = None if paper.scene().is_random else PAPER_TOLERANCE
-    return paper.smooth(paper.power(own.angle_deg.tolist(), tolerance=tolerance), tolerance)
+    return paper.refined(paper.power(response.angle_deg.tolist(), tolerance=tolerance), tolerance)
 
 
 def as_built(sensor: Sensor) -> Sensor:
@@ -236,20 +234,22 @@ def as_built(sensor: Sensor) -> Sensor:
     return _with(sensor, changes)
 
 
-def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> Built:
-    same = real.light == sensor.light and sensor.design.trace.dimension == "extruded"
-    response = own if same else real.smooth(real.power(spread(own.angle_deg.tolist(), MAX_ANGLES)))
+def _built(sensor: Sensor, built_sensor: Sensor, response: Response, slope: Slope | None) -> Built:
+    """Return the sensor as built; ``response`` and ``slope`` are those of the design."""
+    is_design = built_sensor.light == sensor.light and sensor.design.trace.dimension == "extruded"
+    if not is_design:
+        angles, slope = subsample(response.angle_deg.tolist(), MAX_ANGLES), None
+        response = built_sensor.refined(built_sensor.power(angles))
     null = response.null_deg()
-    slope = known if same else None
     if slope is None and null is not None:
-        slope = real.slope_per_deg(null, TOLERANCE)
+        slope = built_sensor.slope_per_deg(null, TOLERANCE)
     return Built(
         extent_of(sensor),
-        "file" if real.light.ray_file is not None else real.light.pattern,
-        real.light.pattern != sensor.light.pattern,
-        real.light.cone_deg,
-        real.design.body.thickness_mm,
-        same,
+        "file" if built_sensor.light.ray_file is not None else built_sensor.light.pattern,
+        built_sensor.light.pattern != sensor.light.pattern,
+        built_sensor.light.cone_deg,
+        built_sensor.design.body.thickness_mm,
+        is_design,
         response,
         null,
         None if slope is None else slope.value,
@@ -258,18 +258,18 @@ def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> 
 
 
 def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
-    """Return the sensor with some values set; lens and material are unchanged."""
+    """Return the sensor with some values set, and the same lens and material."""
     return replace(sensor, design=with_values(sensor.design, values))
 
 
-def spread(angles: Sequence[float], most: int) -> list[float]:
-    """Return at most the given number of angles, evenly spaced, with both ends."""
-    places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
-    return [angles[i] for i in places.tolist()]
+def subsample(angles: Sequence[float], max_count: int) -> list[float]:
+    """Return at most a given number of the angles, evenly spaced, with both ends."""
+    indices = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), max_count))).astype(int))
+    return [angles[i] for i in indices.tolist()]
 
 
 def slope_per_deg(response: Response, null_deg: float) -> float:
-    """Return the slope of the contrast between the neighbouring angles of a null."""
+    """Return the slope of the contrast between the angles on either side of a null."""
     angle, value = response.angle_deg, response.contrast
     high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))
     low = high - 1 if angle[high] > null_deg or high == len(angle) - 1 else high

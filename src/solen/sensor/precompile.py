@@ -1,10 +1,10 @@
 """Parallel compilation of the tracer by several processes, on the first use after an installation.
 
-`solen run` needs three parts of about the same size: the integration in space for the design itself, the integration in
-the plane for the comparison with the paper, and sampled rays through a lens for space. In one process, numba compiles
-the functions one after another and stores each on disk. Two more processes therefore trace a small example of the other
-two parts while the command starts with its own. A process that needs a function later reads the compiled function from
-disk.
+`solen run` uses three parts of the tracer of about the same size: integration in space for the design itself,
+integration in the plane for the comparison with the paper, and sampled rays through a lens for skew rays. In one
+process, numba compiles the functions one after another and stores each on disk. Two more processes therefore compile
+the latter two parts by tracing a small example of each, while the command starts with the first. A process that needs a
+function later reads the compiled function from disk.
 """
 
 import subprocess
@@ -16,7 +16,7 @@ PARTS: dict[str, tuple[str, dict[str, str]]] = {
     "adapt.integrate_cone": ("paper-860", {}),
     "extruded.trace_in_space": ("solen-860", {"lens.shape": "layered"}),
 }
-"""For each part, a function, and the template and values of a design that is traced with it."""
+"""Template and values of a design that is traced with each part, keyed by a function of the part."""
 PROGRAM = """
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
@@ -25,7 +25,7 @@ Sensor.of(with_values(loads(template({name!r})), {values!r})).power((0.0,), tole
 
 
 def parts_to_compile() -> list[str]:
-    """Return programs that compile the parts not yet on disk; empty if nothing can be stored."""
+    """Return Python programs that compile the parts not yet on disk; none if there is no cache folder."""
     folder = cache_folder()
     if folder is None:
         return []
@@ -39,6 +39,6 @@ def parts_to_compile() -> list[str]:
 def precompile() -> None:
     """Start the compilation in separate processes, which end automatically, and return without waiting."""
     for program in parts_to_compile():
-        nowhere = subprocess.DEVNULL
+        devnull = subprocess.DEVNULL
         command = [sys.executable, "-c", program]
-        subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere)  # noqa: S603  our own text
+        subprocess.Popen(command, stdin=devnull, stdout=devnull, stderr=devnull)  # noqa: S603  a fixed program

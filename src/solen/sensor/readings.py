@@ -1,6 +1,6 @@
 """Readings of a sensor's receivers over its motion: traced power with directionality, and voltages.
 
-`received` returns the fraction of the light that receivers convert to current (see `solen.sensor.acceptance`);
+`received` returns the fraction of the emitted power that receivers convert to current (`solen.sensor.acceptance`);
 `readings` converts it to voltages.
 """
 
@@ -22,13 +22,11 @@ from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 
 ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
-"""Numbers of rays that sample the angles of incidence, for an accuracy of about 0.2 % in a directional part's
-fraction.
-"""
+"""Numbers of rays that sample the angles of incidence, for an accuracy of about 0.2 % of the detected fraction."""
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:
-    """Return fractions (A, 2) of the emitted power that the right and the left receiver convert to current."""
+    """Return the fractions (A, 2) of the emitted power that the right and the left receiver convert to current."""
     acceptance = Acceptance.of(sensor)
     power = np.maximum(np.column_stack([response.right, response.left]), 0.0)
     if acceptance.is_flat:
@@ -38,13 +36,13 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
 
 
 def angle_rays(sensor: Sensor) -> int:
-    """Return the number of rays that sample a directional part's fraction."""
+    """Return the number of rays that sample the angles of incidence at a directional receiver."""
     return ANGLE_RAYS if sensor.design.trace.dimension == "2d" else ANGLE_RAYS_IN_SPACE
 
 
 @dataclass(frozen=True)
 class PartUsed:
-    """A circuit part, its data source, and which of its numbers are estimates."""
+    """A circuit part, the document that its numbers come from, and which of them are estimates."""
 
     name: str
     kind: str
@@ -62,7 +60,7 @@ class DesignReadings(Readings, kw_only=True):
     temperature_C, ambient_mW_per_cm2
         Temperature and irradiance around the sensor.
     parts
-        Components of the circuit.
+        Parts of the circuit.
     warnings
         Warnings about the numbers.
     simulated
@@ -83,26 +81,31 @@ class DesignReadings(Readings, kw_only=True):
 
 def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignReadings:
     """Return the readings of a sensor, with the parts of its circuit, warnings and sources."""
-    design, found = sensor.design, readings(sensor, progress)
-    in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
-    reasons = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
+    design, result = sensor.design, readings(sensor, progress)
+    in_space, dark_V = design.trace.dimension == "extruded", float(result.off_V.max())
+    circuit_cautions = cautions(result.circuit, result.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
     return DesignReadings(
-        **vars(found),
+        **vars(result),
         name=design.name,
         wavelength_nm=sensor.light.wavelength_nm,
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
         parts=parts_used(design),
-        warnings=(*sensor.warnings, *keys_without_effect(sensor, "power"), *reasons, *found.coarse()),
+        warnings=(
+            *sensor.warnings,
+            *keys_without_effect(sensor, "power"),
+            *circuit_cautions,
+            *result.coarse_step_warnings(),
+        ),
     )
 
 
-def parts_used(*lit: Design) -> tuple[PartUsed, ...]:
-    """Return the circuit parts of designs that differ in their emitter."""
-    design = lit[0]
+def parts_used(*designs: Design) -> tuple[PartUsed, ...]:
+    """Return the circuit parts of designs that differ only in their emitter."""
+    design = designs[0]
     parts: tuple[Part, ...] = (
         named_part(design, "part", ReceiverPart),
-        *{part.name: part for part in map(emitter_part, lit)}.values(),
+        *{part.name: part for part in map(emitter_part, designs)}.values(),
         trimmer_part(design),
         named_part(design, "adc", AdcPart),
     )
@@ -123,7 +126,7 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
 
 
 def readings_from(sensor: Sensor, response: Response) -> Readings:
-    """Return the readings of a sensor at the angles of a response; raises the errors of `readings`."""
+    """Return the readings of a sensor at the angles of a response; raise the errors of `readings`."""
     sensor.check_pair()
     design = sensor.design
     areas = face_areas_mm2(design, sensor.body())

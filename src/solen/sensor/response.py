@@ -10,8 +10,8 @@ from solen.arrays import FloatArray, IntArray
 from solen.results import HIDDEN, Result, reported
 from solen.trace import Ledger, Mode, Slope, Trace
 
-SATURATED = 0.95
-"""Contrast above which a differential signal hardly changes."""
+SATURATION_CONTRAST = 0.95
+"""Contrast above which the signal is treated as saturated."""
 
 Reading = tuple[Trace, float]
 """A trace, and the uncertainty of the power at each receiver."""
@@ -38,7 +38,7 @@ class Response(Result):
     right, left
         Power (N,) at each receiver.
     u_power
-        Uncertainty (N,) of both powers; NaN for a fixed number of rays, which gives no estimate of it.
+        Uncertainty (N,) of either power; NaN for a fixed number of rays, which gives no estimate of it.
     traces
         Trace of the scene at each angle.
     """
@@ -66,12 +66,12 @@ class Response(Result):
     @reported
     def contrast(self) -> FloatArray:
         """Contrast (R − L)/(R + L); NaN without light."""
-        return _share(self.right - self.left, self.right + self.left)
+        return _quotient(self.right - self.left, self.right + self.left)
 
     @reported
     def u_contrast(self) -> FloatArray:
         """Uncertainty of the contrast, from that of both powers; NaN without light."""
-        return _share(2.0 * self.u_power, self.right + self.left)
+        return _quotient(2.0 * self.u_power, self.right + self.left)
 
     @reported
     def rays(self) -> IntArray:
@@ -85,23 +85,23 @@ class Response(Result):
 
     @property
     def received_share(self) -> float:
-        """Mean power at both receivers over the angles."""
+        """Power at both receivers together, averaged over the angles."""
         return float((self.right + self.left).mean())
 
     def contrast_at(self, angle_deg: float) -> float | None:
         """Return the contrast at the angle nearest to ``angle_deg``; None if no light arrives."""
-        value = float(self.contrast[self.at(angle_deg)])
+        value = float(self.contrast[self.index_at(angle_deg)])
         return value if math.isfinite(value) else None
 
-    def part(self, places: Sequence[int]) -> "Response":
+    def subset(self, indices: Sequence[int]) -> "Response":
         """Return the response at a subset of the angles, by index."""
-        chosen = list(places)
+        chosen = list(indices)
         arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
         return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen if self.traces))
 
-    def joined(self, other: "Response") -> "Response":
-        """Merge two responses in angular order."""
-        both = Response(
+    def merged(self, other: "Response") -> "Response":
+        """Return both responses as one, in ascending order of the angles."""
+        merged = Response(
             mode=self.mode,
             angle_deg=np.concatenate([self.angle_deg, other.angle_deg]),
             right=np.concatenate([self.right, other.right]),
@@ -109,46 +109,55 @@ class Response(Result):
             u_power=np.concatenate([self.u_power, other.u_power]),
             traces=(*self.traces, *other.traces),
         )
-        return both.part(np.argsort(both.angle_deg, kind="stable").tolist())
+        return merged.subset(np.argsort(merged.angle_deg, kind="stable").tolist())
 
-    def at(self, angle_deg: float) -> int:
+    def index_at(self, angle_deg: float) -> int:
         """Return the index of the angle nearest to ``angle_deg``."""
         return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
 
     def null_deg(self) -> float | None:
-        """Angle of equal power nearest to 0, interpolated linearly between angles; None if there is none."""
-        u_contrast = _share(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
-        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # without light every angle would be a zero
+        """Return the angle nearest to 0 at which the contrast is 0, interpolated linearly; None if there is none."""
+        u_contrast = _quotient(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
+        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # with little light, any angle could be one
         nulls = [*self.angle_deg[zero].tolist(), *self._crossings_deg(0.0)]
         return min(nulls, key=abs, default=None)
 
     def saturation_deg(self) -> float | None:
-        """Smallest distance from the null at which the contrast reaches `SATURATED`, interpolated linearly.
+        """Return the smallest distance from the null at which the contrast saturates, interpolated linearly.
 
-        None without a null, or if the contrast stays below.
+        None if there is no null, or the contrast stays below.
         """
         null = self.null_deg()
         if null is None:
             return None
-        reached = self.angle_deg[np.abs(self.contrast) >= SATURATED].tolist()
-        reached += [*self._crossings_deg(-SATURATED), *self._crossings_deg(SATURATED)]
+        reached = self.angle_deg[np.abs(self.contrast) >= SATURATION_CONTRAST].tolist()
+        reached += [*self._crossings_deg(-SATURATION_CONTRAST), *self._crossings_deg(SATURATION_CONTRAST)]
         return min((abs(angle_deg - null) for angle_deg in reached), default=None)
 
     def _crossings_deg(self, level: float) -> list[float]:
         """Return the angles, interpolated between neighbours, at which the contrast crosses a level."""
         above = self.contrast - level
         first = np.flatnonzero(above[:-1] * above[1:] < 0.0)
-        share = above[first] / (above[first] - above[first + 1])
-        return [*((1.0 - share) * self.angle_deg[first] + share * self.angle_deg[first + 1]).tolist()]
+        fraction = above[first] / (above[first] - above[first + 1])
+        return [*((1.0 - fraction) * self.angle_deg[first] + fraction * self.angle_deg[first + 1]).tolist()]
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Change of the readings at an angle with a number of the design.
+    """Derivatives of powers and contrast at an angle with respect to a number of the design.
 
-    ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` is the
-    derivative of (R − L)/(R + L), each per unit of the key. All are NaN if there is no derivative, and ``contrast`` is
-    also NaN without light; ``why`` then gives the reason. ``tolerance`` is the tolerance of the number.
+    Attributes
+    ----------
+    key, value
+        The number and its value.
+    right, left
+        Derivatives of the powers, as fractions of the emitted power, per unit of the number; NaN if there are none.
+    contrast
+        Derivative of (R − L)/(R + L), per unit of the number; NaN if there is none, or without light.
+    why
+        Reason why there is no derivative.
+    tolerance
+        Tolerance of the number.
     """
 
     key: str
@@ -167,29 +176,29 @@ class Sensitivity:
 
     @property
     def reached(self) -> bool:
-        """Whether the derivatives converged."""
+        """Whether there are derivatives."""
         return not self.why
 
 
-def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
+def _quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     """Return quotients; NaN for a denominator of 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(whole > 0.0, part / whole, np.nan))
+        return np.asarray(np.where(denominator > 0.0, numerator / denominator, np.nan))
 
 
 def powers(trace: Trace) -> dict[str, float]:
-    """Return the first source's power by receiver, since ambient light is measured and subtracted."""
+    """Return the first source's power at each receiver, without ambient light, which is subtracted in a measurement."""
     return {name: (*reading.power_by_source, reading.power)[0] for name, reading in trace.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
     """Return the derivative of (R − L)/(R + L) from those of R and L; NaN without light."""
-    found = powers(base)
-    total = found["right"] + found["left"]
+    light = powers(base)
+    total = light["right"] + light["left"]
     if not total > 0.0:
         return Slope(math.nan, math.nan)
-    value = 2.0 * (found["left"] * right.value - found["right"] * left.value) / total**2
-    u = 2.0 * (found["left"] * right.u_value + found["right"] * left.u_value) / total**2
+    value = 2.0 * (light["left"] * right.value - light["right"] * left.value) / total**2
+    u = 2.0 * (light["left"] * right.u_value + light["right"] * left.u_value) / total**2
     u_of_powers = base.u_power * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
     return Slope(value, u + u_of_powers)
 
@@ -200,10 +209,10 @@ def shift(response: Response, other: Response) -> Shift | None:
     None if no light arrives at any of them.
     """
     common = sorted(set(response.angle_deg.tolist()) & set(other.angle_deg.tolist()))
-    here, there = (each.part([each.at(angle) for angle in common]) for each in (response, other))
-    change = np.abs(here.contrast - there.contrast)
+    first, second = (each.subset([each.index_at(angle) for angle in common]) for each in (response, other))
+    change = np.abs(first.contrast - second.contrast)
     if not np.isfinite(change).any():
         return None
-    place = int(np.nanargmax(change))
-    u = float(here.u_contrast[place] + there.u_contrast[place])
-    return Shift(float(change[place]), common[place], u)
+    index = int(np.nanargmax(change))
+    u = float(first.u_contrast[index] + second.u_contrast[index])
+    return Shift(float(change[index]), common[index], u)

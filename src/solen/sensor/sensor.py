@@ -1,4 +1,4 @@
-"""A design with its material (the index at the emitter's wavelength) and its lens.
+"""A design with its material, whose index is that at the emitter's wavelength, and its lens.
 
 Everything that depends on the angle is a method.
 """
@@ -22,7 +22,7 @@ from solen.progress import Progress, tracked
 from solen.scene import Scene, sensor_scene
 from solen.sensor.derivatives import SAMPLED_TOLERANCE, derivative_of, sensitivities, slope_per_deg
 from solen.sensor.response import Reading, Response, Sensitivity
-from solen.sensor.sweep import MAX_ANGLES, balanced, between, mirrored, readings_at
+from solen.sensor.sweep import MAX_ANGLES, balanced, midpoints, mirrored, readings_at
 from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.spec.placed import lit, state_of, states
@@ -32,17 +32,17 @@ from solen.trace.chunks import Sampling
 from solen.trace.nets import by_nets
 
 MAX_SAMPLED = 2**19
-"""Largest number of samples."""
-OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
-"""Keys that lenses of another shape do not have, for removal with `solen.spec.with_values`."""
+"""Largest number of sampled rays."""
+NO_SHAPE_KEYS: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
+"""Values that remove, with `solen.spec.with_values`, all keys that apply to some shapes of lens only."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
-"""Lock that ensures that scenes are built one at a time, since angles are traced on several threads."""
+"""Lock under which scenes are built, since angles are traced on several threads."""
 
 
 class TraceKeywords(TypedDict, total=False):
-    """Options that `Sensor.trace` passes to `solen.trace.trace`, where they are described."""
+    """Options that `Sensor.trace` passes to `solen.trace.trace`, which describes them."""
 
     sampling: Sampling
     seed: int
@@ -57,10 +57,21 @@ class TraceKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design with its material and lens, created with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
+    """A design with its material and lens, created by `Sensor.of`.
 
-    For a network, this is the sensor of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
-    ``lenses`` contains the network's lenses by name if they were designed for numbers other than the design's.
+    A network is represented by one sensor per emitter: the sensor of ``design.network.lit``, with the motions at their
+    ``at_deg``.
+
+    Attributes
+    ----------
+    design
+        The design.
+    material
+        Its material at the emitter's wavelength.
+    cut
+        Its lens, as cut into the body; None for a drawn body and a network.
+    lenses
+        Lenses of a network, keyed by name, if they were designed for numbers other than the design's.
     """
 
     design: Design
@@ -70,7 +81,7 @@ class Sensor:
 
     @classmethod
     def of(cls, design: Design | Path | str) -> "Sensor":
-        """Create the sensor of a design or of a design file.
+        """Return the sensor of a design or of a design file.
 
         Raises
         ------
@@ -86,7 +97,7 @@ class Sensor:
         return cls(design, material, None if drawn else lens_of(design, material.index))
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Sensor":
-        """Return the sensor of the design with some values changed, as in `Design.set`."""
+        """Return the sensor of the design with some values changed, as by `Design.set`."""
         return Sensor.of(self.design.set(values, **keys))
 
     @property
@@ -94,13 +105,13 @@ class Sensor:
         """Lens of the design; raises `DesignError` for a drawn body, whose lens is part of the drawing."""
         if self.cut is None:
             drawn = "the lens of an outline is drawn and has no formula"
-            limit = "a network has several lenses, by name" if self.is_network else drawn
+            limit = "a network has several lenses" if self.is_network else drawn
             raise DesignError("body.kind", value=self.design.body.kind, limit=limit, remedy="use solen check")
         return self.cut
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is drawn, or a network: there is no single lens in front of the body."""
+        """Whether the body is drawn or a network, and so has no single lens in front of it."""
         return self.cut is None
 
     @property
@@ -110,46 +121,46 @@ class Sensor:
 
     @property
     def has_lens(self) -> bool:
-        """Whether light enters through a lens rather than the stem's flat face; assumed for a drawn body."""
+        """Whether light enters through a lens rather than the stem's flat face; true for every drawn body."""
         return not isinstance(self.cut, FlatFace)
 
     @property
     def is_sampled(self) -> bool:
-        """Whether the lens is not a cylinder, so that its light is sampled."""
+        """Whether the lens is not a cylinder, so that light through it is sampled."""
         return isinstance(self.cut, LensInSpace)
 
     @property
     def is_measured(self) -> bool:
-        """Whether the lens is a measured one."""
+        """Whether the lens is measured."""
         return isinstance(self.cut, MeasuredLens)
 
     @property
     def all_lenses(self) -> tuple[Lens, ...]:
-        """Its lens, or the lenses of a network; empty if the body is drawn."""
+        """The lens, or the lenses of a network; empty if the body is drawn."""
         if self.is_network:
             return tuple((network_lenses(self.design) if self.lenses is None else self.lenses).values())
         return () if self.cut is None else (self.cut,)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about its material's numbers, its light and its lens."""
-        of_lenses = (text for lens in self.all_lenses for text in lens.warnings)
-        return (*self.material.warnings, *self.light.warnings, *of_lenses)
+        """Warnings about the material, the light and the lens."""
+        lens_warnings = (text for lens in self.all_lenses for text in lens.warnings)
+        return (*self.material.warnings, *self.light.warnings, *lens_warnings)
 
     @cached_property
     def as_designed(self) -> "Sensor":
-        """The same sensor with the designed lens, if this one has a measured lens."""
+        """The sensor with the designed lens, for a sensor with a measured lens."""
         return Sensor.of(with_values(self.design, {"lens.shape": self.design.lens.designed_shape}))
 
     @cached_property
     def without_lens(self) -> "Sensor":
-        """The same sensor with the stem's flat face in place of a lens."""
-        return Sensor.of(with_values(self.design, OF_SHAPES | {"lens.shape": "none"}))
+        """The sensor with the stem's flat face in place of the lens."""
+        return Sensor.of(with_values(self.design, NO_SHAPE_KEYS | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float | None = None) -> Body:
         """Return the body with its moving parts rotated by ``angle_deg``, by default at rest.
 
-        For a loaded design, ``angle_deg`` here and elsewhere is the value of the driven quantity, in deg, mm or N.
+        For a loaded design, ``angle_deg`` here and elsewhere is the value of the driven quantity, in degrees, mm or N.
 
         Raises
         ------
@@ -171,20 +182,18 @@ class Sensor:
     def loaded(self) -> LoadedBody:
         """Soft body of the sensor; raises `DesignError` if its motion is not that of a loaded body."""
         if self.is_network:
-            limit, remedy = (
-                "is rigid: no load deforms it",
-                "bend its guides: solen run follows every [[network.motion]]",
-            )
+            limit, remedy = "is rigid: no load deforms it", "use solen run, which follows every [[network.motion]]"
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         if not self.is_loaded:
-            limit, remedy = "is no load", ('set motion.kind = "loaded", and specify the supports and loads of the body')
+            limit, remedy = "is not a load", 'set motion.kind = "loaded", and specify supports and loads of the body'
             raise DesignError("motion.kind", value=self.design.motion.kind, limit=limit, remedy=remedy)
         return LoadedBody.of(self.design, self.cut)
 
     def check_pair(self) -> None:
         """Raise `DesignError` unless there are two receivers, ``right`` and ``left``, as the contrast requires."""
         if self.is_network:
-            limit, remedy = "a network has readings other than right and left", "use check, trace, sensitivity or run"
+            limit = "the readings of a network are not those of a right and a left receiver"
+            remedy = "use solen check, trace, sensitivity or run"
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         body = self.body()
         receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
@@ -209,7 +218,7 @@ class Sensor:
             self.body(angle_deg)
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
-        """Return the scene at an angle, with ``rays`` rays in place of the design's number."""
+        """Return the scene at an angle, with ``rays`` rays, by default the design's number."""
         with BUILDING:
             scene = self._scenes.get((angle_deg, rays))
             if scene is None:
@@ -222,7 +231,7 @@ class Sensor:
 
     @cached_property
     def _scenes(self) -> dict[tuple[float, int | None], Scene]:
-        """Cache of recent scenes, since the same angle is counted, integrated and drawn."""
+        """Cache of recent scenes, since the same angle is traced in several ways."""
         return {}
 
     def trace(
@@ -247,8 +256,8 @@ class Sensor:
     def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
         """Integrate the powers at an angle over the emitter to a tolerance; see `solen.trace.integrate`.
 
-        By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source. Light through a lens
-        that is not a cylinder is integrated with randomised nets, and its uncertainty is a standard error.
+        The default tolerance is 1e-6 for a monochromatic point, and 1e-4 for any other source. Light through a lens
+        that is not a cylinder is integrated with scrambled Sobol' nets, and its uncertainty is a standard error.
         """
         scene = self.scene(angle_deg)
         tolerance = default_tolerance(scene) if tolerance is None else tolerance
@@ -259,14 +268,14 @@ class Sensor:
     ) -> Derivative:
         """Return the derivative of the powers at an angle with respect to a number, given by its dotted key.
 
-        See `solen.trace.derivative`; moving edges between light paths are included. ``emitter`` names the lit emitter
-        of a network with several.
+        See `solen.trace.derivative`; the motion of boundaries between light paths is included. ``emitter`` names the
+        lit emitter of a network that has several.
 
         Raises
         ------
         SpecError
-            If the key is not that of a real number specified in the design, or if the network has several emitters and
-            none is named.
+            If the key is not that of a real number with a value in the design, or if the network has several emitters
+            and none is named.
         """
         return derivative_of(self, key, angle_deg, mode, emitter)
 
@@ -278,7 +287,7 @@ class Sensor:
         Parameters
         ----------
         keys
-            Dotted keys of numbers; default: all `usual_keys` that have an effect.
+            Dotted keys of numbers; default: all `optical_keys` that have an effect.
         angle_deg
             Angle of the motion.
         progress
@@ -287,24 +296,24 @@ class Sensor:
         Raises
         ------
         SpecError
-            If a key is not that of a real number specified in the design, or has no effect.
+            If a key is not that of a real number with a value in the design, or the number has no effect.
         DesignError
             If the light at this angle cannot be integrated accurately enough.
         """
         return sensitivities(self, keys, angle_deg, progress)
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
-        """Return the power from more and more Sobol' samples until all standard errors are within ``tolerance``.
+        """Return the trace with as many Sobol' samples as standard errors within ``tolerance`` require.
 
-        This is used for light scattered at random, and if `integrate` fails. It returns the last trace and the largest
-        error, which is above ``tolerance`` if `MAX_SAMPLED` rays do not suffice; ``reached`` is then False.
+        This is used for light scattered at random, and if `integrate` fails. Return also the largest standard error,
+        which exceeds ``tolerance`` if `MAX_SAMPLED` rays do not suffice; ``reached`` is then False.
         """
-        found = by_nets(self.scene(angle_deg), tolerance, most_rays=MAX_SAMPLED)
-        return found, found.u_power
+        sampled = by_nets(self.scene(angle_deg), tolerance, most_rays=MAX_SAMPLED)
+        return sampled, sampled.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the sensor, at every angle of its motion, is the mirror image of itself at the opposite angle."""
+        """Whether the sensor at any angle of its motion is the mirror image of the sensor at the opposite angle."""
         motion = self.design.motion
         last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
         if self.light.ray_file is not None or self.is_loaded:  # its mesh is not mirror-symmetric
@@ -312,31 +321,31 @@ class Sensor:
         return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
 
     def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
-        """Return the change of contrast per degree at an angle, in power, with uncertainty; None without light.
+        """Return the slope of the contrast at an angle, in power, with its uncertainty; None without light.
 
-        It is computed from two spans about the angle, one twice the other; curvature within them counts as uncertainty.
+        It is computed from two spans about the angle, one twice the other; curvature contributes to the uncertainty.
         The tolerance is that of `integrate`.
         """
         return slope_per_deg(self, angle_deg, tolerance)
 
-    def smooth(self, response: Response, tolerance: float | None = None) -> Response:
-        """Return a response with more angles where its contrast is curved, so that lines between them look smooth.
+    def refined(self, response: Response, tolerance: float | None = None) -> Response:
+        """Return a response with angles added where its contrast is curved, so that it looks smooth as a polyline.
 
         The tolerance is that of `power`.
         """
         while len(response.angle_deg) < MAX_ANGLES:
-            added = between(response)
+            added = midpoints(response)
             if not added:
                 break
-            response = response.joined(self.power(added, tolerance=tolerance))
+            response = response.merged(self.power(added, tolerance=tolerance))
         return response
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Return the response by counting the number of rays specified in the design, as in the paper."""
+        """Return the response by counting the design's number of rays, as in the paper."""
         return self._by_rays("count", self._angles(angles_deg), progress)
 
     def power_of_rays(self, angles_deg: Sequence[float], rays: int, sampling: Sampling = "fan") -> Response:
-        """Return the response in power from a fixed number of rays at each angle, equal for all lenses compared."""
+        """Return the response in power from a given number of rays at each angle, for comparisons of lenses."""
         return self._by_rays("power", angles_deg, None, rays, sampling)
 
     def _by_rays(
@@ -360,24 +369,24 @@ class Sensor:
     ) -> Response:
         """Return the response in power, integrated at every angle, or sampled if the tolerance is not reached.
 
-        The tolerance is that of `integrate`. Scattered light is sampled to the standard error, which defaults to the
-        specified tolerance. For symmetric sensors, only one of two opposite angles is traced.
+        The tolerance is that of `integrate`. Scattered light is sampled to ``standard_error``, by default to the
+        tolerance. For symmetric sensors, only one of two opposite angles is traced.
         """
         angles = self._angles(angles_deg)
 
         def traced(angle_deg: float, integrates: bool) -> Reading:
             return self.reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
 
-        own: dict[float, None] = {}
+        traced_angles: dict[float, None] = {}
         for angle in angles:
-            if not (-angle in own and self.is_symmetric):
-                own[angle] = None
-        done = readings_at(traced, list(own), progress)
+            if not (-angle in traced_angles and self.is_symmetric):
+                traced_angles[angle] = None
+        readings = readings_at(traced, list(traced_angles), progress)
 
         def at(angle_deg: float) -> Reading:
-            if angle_deg not in done:
-                return mirrored(done[-angle_deg])
-            return balanced(done[angle_deg]) if angle_deg == 0.0 and self.is_symmetric else done[angle_deg]
+            if angle_deg not in readings:
+                return mirrored(readings[-angle_deg])
+            return balanced(readings[angle_deg]) if angle_deg == 0.0 and self.is_symmetric else readings[angle_deg]
 
         return Response.of("power", angles, [at(angle) for angle in angles])
 
@@ -389,23 +398,24 @@ class Sensor:
         tolerance: float | None = None,
         standard_error: float | None = None,
     ) -> Reading:
-        """Return powers at an angle with their uncertainty: integrated, or sampled if that is better.
+        """Return the powers at an angle with their uncertainty, integrated, or sampled if that is more accurate.
 
-        Random scatter is sampled.
+        Light that cannot be integrated, for example with random scatter, is sampled.
         """
-        scattered = why_not(self.scene(angle_deg))
-        asked = standard_error or (tolerance if scattered else None) or SAMPLED_TOLERANCE
-        integrates = integrates and not scattered
-        whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
-        if whole is not None and (whole.reached or whole.u_power <= (standard_error or SAMPLED_TOLERANCE)):
-            return whole, whole.u_power
-        sampled, u = self.sampled(angle_deg, asked)
-        if whole is not None and whole.u_power <= u:
-            return whole, whole.u_power
+        cannot_integrate = bool(why_not(self.scene(angle_deg)))
+        target = standard_error or (tolerance if cannot_integrate else None) or SAMPLED_TOLERANCE
+        integrates = integrates and not cannot_integrate
+        integrated = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
+        sufficient_u = standard_error or SAMPLED_TOLERANCE
+        if integrated is not None and (integrated.reached or integrated.u_power <= sufficient_u):
+            return integrated, integrated.u_power
+        sampled, u = self.sampled(angle_deg, target)
+        if integrated is not None and integrated.u_power <= u:
+            return integrated, integrated.u_power
         return sampled, u
 
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
-        """Return the angles of a response; default: the design's."""
+        """Return the angles of a response, by default the design's."""
         self.check_pair()
         angles = self.design.motion.angles_deg() if angles_deg is None else angles_deg
         if self.is_loaded:

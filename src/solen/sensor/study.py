@@ -1,4 +1,4 @@
-"""A design over its motion: counted and in power, with and without its lens, compared with variants."""
+"""A design over its motion: response by counting and in power, with and without its lens, compared with variants."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,7 @@ from solen.trace import Slope
 SCHEMA = 1
 """Schema version of the result files."""
 FLAT_TOLERANCE = 5e-4
-"""Integration tolerance without a lens in space."""
+"""Integration tolerance in space without the lens."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Summary:
     contrast_from, u_contrast_from, contrast_to, u_contrast_to
         Contrast there, None if no light arrives, and its uncertainty.
     null_deg, u_null_deg, slope_per_deg, u_slope_per_deg
-        Null nearest to 0 and the slope of the contrast there, with their uncertainties.
+        Null nearest to 0 and slope of the contrast there, with their uncertainties.
     saturation_deg
         Distance from the null at which the contrast saturates.
     received_share
@@ -47,7 +47,7 @@ class Summary:
     truncated
         Largest truncated power at any angle.
     undefined_rays
-        Number of rays incident on an inconsistent interface.
+        Number of rays that met an inconsistent interface.
     rays_traced
         Number of rays traced for the count and for the power.
     """
@@ -72,10 +72,20 @@ class Summary:
 
 
 class Case(Result):
-    """A sensor's response in power, integrated, and in the plane by counting the design's rays, as in the paper.
+    """Response of one sensor.
 
-    ``curve`` is the power with angles added where it is curved. ``null_deg`` is the null nearest to 0, from the power;
-    ``slope_per_deg`` is the slope of the contrast there.
+    Attributes
+    ----------
+    sensor
+        The sensor; not in JSON.
+    count
+        Response by counting the design's rays, as in the paper; None in space.
+    power
+        Response in power.
+    curve
+        The response in power with angles added where it is curved; not in JSON.
+    null_deg, u_null_deg, slope_per_deg, u_slope_per_deg
+        Null nearest to 0 and slope of the contrast there, in power, with their uncertainties.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
@@ -89,7 +99,7 @@ class Case(Result):
 
     @property
     def summary(self) -> Summary:
-        """Return the key figures of the case."""
+        """Key figures of the case."""
         power = self.power
         first, last = float(power.angle_deg[0]), float(power.angle_deg[-1])
         return Summary(
@@ -119,11 +129,11 @@ class DesignStudy(Result):
     Attributes
     ----------
     design
-        The design studied; in files of results, as in its TOML with defaults omitted.
+        The design studied; in result files, as in its TOML with defaults omitted.
     with_lens
-        Case with the lens, or None for a design without a lens.
+        Case with the lens; None for a design without a lens.
     no_lens, no_lens_refused
-        Case without a lens, or None with the reason if it cannot be built.
+        Case without the lens; None with the reason if it cannot be built.
     practice
         The design as built and its variants, if requested.
     designed, as_printed
@@ -143,14 +153,14 @@ class DesignStudy(Result):
         """The design's own case."""
         case = self.with_lens or self.no_lens
         if case is None:
-            raise AssertionError("a study has at least one case")
+            raise AssertionError("every study has a case")
         return case
 
     @property
     def cases(self) -> dict[str, Case]:
-        """Cases by name: ``lens``, ``designed``, ``no_lens``."""
-        every = {"lens": self.with_lens, "designed": self.designed, "no_lens": self.no_lens}
-        return {name: case for name, case in every.items() if case is not None}
+        """Cases keyed by name: ``lens``, ``designed``, ``no_lens``."""
+        cases = {"lens": self.with_lens, "designed": self.designed, "no_lens": self.no_lens}
+        return {name: case for name, case in cases.items() if case is not None}
 
     @property
     def sensor(self) -> Sensor:
@@ -159,7 +169,7 @@ class DesignStudy(Result):
 
     @reported
     def schema(self) -> int:
-        """Version of the names of these results."""
+        """Version of the schema of these results."""
         return SCHEMA
 
     @reported
@@ -194,12 +204,12 @@ class DesignStudy(Result):
 
     @reported
     def foci(self) -> tuple[Focus, ...]:
-        """Foci of the lens, by the index of the material."""
+        """Foci of the lens at several indices of the material."""
         return foci_of(self.sensor)
 
     @reported
     def body(self) -> BodySizes:
-        """Sizes that follow from the body's dimensions, at rest."""
+        """Sizes of the body at rest."""
         return body_sizes(self.sensor)
 
     @reported
@@ -209,12 +219,12 @@ class DesignStudy(Result):
 
     @reported
     def response(self) -> dict[str, Case]:
-        """The responses of each case."""
+        """Responses of each case."""
         return self.cases
 
     @reported
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the study's numbers."""
+        """Warnings about the results."""
         return (
             *self.sensor.warnings,
             *keys_without_effect(self.sensor),
@@ -223,24 +233,24 @@ class DesignStudy(Result):
 
 
 def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> DesignStudy:
-    """Trace a design over its motion, with and without its lens, counting and in power.
+    """Return the response of a design over its motion, with and without its lens, by counting and in power.
 
     All bodies of the motion are built before the first ray is traced, so that an impossible motion is rejected at once.
-    ``progress`` is called with the completed fraction, up to 1. ``practical`` adds the comparison of
-    `solen.sensor.practice`, and that of a measured lens with the designed one.
+    ``progress`` is called with the completed fraction, up to 1. ``practical`` adds the variants of
+    `solen.sensor.practice`, and the comparison of a measured lens with the designed one.
     """
     if not practical:
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
-    found = _beside_design(_study(design, part_of(progress, 0, parts, 3)), part_of(progress, 3, parts, 2))
-    rest, case = part_of(progress, parts - 2, parts, 2), found.case
+    result = _with_designed_lens(_study(design, part_of(progress, 0, parts, 3)), part_of(progress, 3, parts, 2))
+    rest, case = part_of(progress, parts - 2, parts, 2), result.case
     known = case.slope_per_deg is not None and case.u_slope_per_deg is not None
     slope = Slope(case.slope_per_deg or 0.0, case.u_slope_per_deg or 0.0) if known else None
-    return replace(found, practice=practice(case.sensor, case.power, rest, slope=slope))
+    return replace(result, practice=practice(case.sensor, case.power, rest, slope=slope))
 
 
-def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
-    """Return the case with the designed lens, if the design has a measured lens."""
+def _with_designed_lens(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
+    """Return the study with the comparison of a measured lens with the designed one, if the lens is measured."""
     lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
         return plain
@@ -255,31 +265,31 @@ def _study(design: Design, progress: Progress | None) -> DesignStudy:
     sensor.check()
     if not sensor.has_lens:
         return DesignStudy(design, None, _case(sensor, progress))
-    flat, refused = _comparison(sensor)
-    if flat is None:
-        return DesignStudy(design, _case(sensor, progress), None, refused)
+    without_lens, reason = _comparison(sensor)
+    if without_lens is None:
+        return DesignStudy(design, _case(sensor, progress), None, reason)
     return DesignStudy(
         design,
         _case(sensor, part_of(progress, 0, 2)),
-        _case(flat, part_of(progress, 1, 2), FLAT_TOLERANCE if _in_space(design) else None),
+        _case(without_lens, part_of(progress, 1, 2), FLAT_TOLERANCE if _in_space(design) else None),
     )
 
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
     """Return the sensor without its lens, or the reason why it cannot be built."""
     if sensor.is_drawn:
-        return None, "the body is drawn, and has no version without its lens"
+        return None, "the body is drawn together with its lens"
     try:
         sensor.without_lens.check()
-    except DesignError as bad:
-        return None, str(bad)
+    except DesignError as error:
+        return None, str(error)
     return sensor.without_lens, None
 
 
 def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = None) -> Case:
     counted = None if _in_space(sensor.design) else sensor.count(progress=part_of(progress, 0, 10))
     power = sensor.power(progress=part_of(progress, 1, 10, 8), tolerance=tolerance)
-    curve = sensor.smooth(power, tolerance)
+    curve = sensor.refined(power, tolerance)
     null = curve.null_deg()
     slope = None if null is None else sensor.slope_per_deg(null, tolerance)
     if null is not None and slope is not None:
@@ -293,12 +303,12 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
 
 
 def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:
-    """Return the null, refined by a Newton step from linear interpolation, and its uncertainty."""
+    """Return the null, refined from its interpolated value by one Newton step, and its uncertainty."""
     if sensor.is_symmetric and null_deg == 0.0:
         return 0.0, 0.0
-    there = sensor.power([null_deg])
-    step = -float(there.contrast[0]) / slope.value
-    return null_deg + step, abs(float(there.u_contrast[0]) / slope.value) + abs(step * slope.u_value / slope.value)
+    at_null = sensor.power([null_deg])
+    step = -float(at_null.contrast[0]) / slope.value
+    return null_deg + step, abs(float(at_null.u_contrast[0]) / slope.value) + abs(step * slope.u_value / slope.value)
 
 
 def _in_space(design: Design) -> bool:

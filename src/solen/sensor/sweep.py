@@ -1,4 +1,4 @@
-"""Sweeps over the angles of a motion: readings, their mirror images for symmetric sensors, refinement of curves."""
+"""Sweeps over the angles of a motion: readings, mirror images for symmetric sensors, and refinement of curves."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -10,47 +10,47 @@ from solen.progress import Progress, on_threads, part_of, tracked
 from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
 
-FEW_ANGLES, MAX_ANGLES = 5, 129
+MIN_ANGLES, MAX_ANGLES = 5, 129
 """Smallest (with both ends) and largest number of angles of a drawn curve."""
-BEND = 0.02
-"""Contrast deviation from the line between its neighbours above which angles are added."""
+MAX_DEVIATION = 0.02
+"""Largest deviation of the contrast from the line between its neighbours without an additional angle."""
 
-FAILURES = 2
-"""Number of failures: if integration fails at this many initial angles of a sweep, it is not tried at the others."""
+INITIAL_ANGLES = 2
+"""Number of angles that are computed first; if integration fails at all of them, it is not tried at the others."""
 
 
 def readings_at(
     at: Callable[[float, bool], Reading], angles_deg: Sequence[float], progress: Progress | None
 ) -> dict[float, Reading]:
-    """Return readings at angles, computed on several threads; ``at`` accepts the angle and whether to integrate.
+    """Return the readings keyed by angle, computed on several threads; ``at`` takes an angle and whether to integrate.
 
     The first few are computed one by one; if integration fails at all of them, the others are sampled one by one, each
     on several threads.
     """
-    count, first, rest = len(angles_deg), angles_deg[:FAILURES], angles_deg[FAILURES:]
+    count, first, rest = len(angles_deg), angles_deg[:INITIAL_ANGLES], angles_deg[INITIAL_ANGLES:]
     readings = [at(angle, True) for angle in tracked(first, part_of(progress, 0, count, len(first)))]
-    later = part_of(progress, len(first), count, len(rest))
+    rest_progress = part_of(progress, len(first), count, len(rest))
     if all(trace.method != "adaptive" for trace, _ in readings):
-        readings += [at(angle, False) for angle in tracked(rest, later)]
+        readings += [at(angle, False) for angle in tracked(rest, rest_progress)]
     else:
-        readings += on_threads(lambda angle: at(angle, True), rest, later)
+        readings += on_threads(lambda angle: at(angle, True), rest, rest_progress)
     return dict(zip(angles_deg, readings, strict=True))
 
 
 def mirrored(reading: Reading) -> Reading:
-    """Return the readings of a symmetric sensor at the opposite angle."""
+    """Return the reading of a symmetric sensor at the opposite angle."""
     detectors = reading[0].detectors
-    return _with(reading, {name: detectors[OTHER[name]] for name in detectors})
+    return _with_detectors(reading, {name: detectors[OTHER[name]] for name in detectors})
 
 
 def balanced(reading: Reading) -> Reading:
-    """Return the readings of a symmetric sensor at rest, equal at both receivers."""
+    """Return the reading of a symmetric sensor at rest, with equal powers at both receivers."""
     detectors = reading[0].detectors
-    return _with(reading, dict.fromkeys(detectors, _mean(detectors)))
+    return _with_detectors(reading, dict.fromkeys(detectors, _mean(detectors)))
 
 
-def _with(reading: Reading, detectors: dict[str, Detected]) -> Reading:
-    """Return a reading with other powers at the receivers."""
+def _with_detectors(reading: Reading, detectors: dict[str, Detected]) -> Reading:
+    """Return a reading with other detectors."""
     trace, u = reading
     return replace(trace, detectors=detectors), u
 
@@ -62,13 +62,13 @@ def _mean(detectors: Mapping[str, Detected]) -> Detected:
     return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
 
 
-def between(response: Response) -> list[float]:
-    """Return the midpoints between angles of a response in the region where its contrast is curved."""
+def midpoints(response: Response) -> list[float]:
+    """Return the midpoints between angles of a response where its contrast is curved."""
     angle, contrast = response.angle_deg, response.contrast
     middles = (angle[1:] + angle[:-1]) / 2
-    if len(angle) < FEW_ANGLES:
+    if len(angle) < MIN_ANGLES:
         return [float(middle) for middle in middles]
-    share = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
-    bends = np.abs(contrast[1:-1] - (1.0 - share) * contrast[:-2] - share * contrast[2:]) > BEND
-    wide = np.diff(angle) > (angle[-1] - angle[0]) / MAX_ANGLES
-    return [float(middle) for middle in middles[(np.append(bends, False) | np.append(False, bends)) & wide]]
+    fraction = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
+    is_curved = np.abs(contrast[1:-1] - (1.0 - fraction) * contrast[:-2] - fraction * contrast[2:]) > MAX_DEVIATION
+    is_wide = np.diff(angle) > (angle[-1] - angle[0]) / MAX_ANGLES
+    return [float(middle) for middle in middles[(np.append(is_curved, False) | np.append(False, is_curved)) & is_wide]]

@@ -9,7 +9,7 @@ from solen.errors import SpecError
 from solen.progress import Progress
 from solen.ranks import Caution, warning
 from solen.results import HIDDEN, Result
-from solen.sensor.numbers import inert, usual_keys
+from solen.sensor.numbers import optical_keys, why_inert
 from solen.sensor.response import Sensitivity
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
@@ -25,13 +25,13 @@ class DesignTrace(Trace, kw_only=True):
     Attributes
     ----------
     sensor
-        The scene traced; not in JSON.
+        The sensor; not in JSON.
     value
         Value of the quantity that the motion drives; not in JSON.
     name, lens
         Name of the design, and shape of its lens.
     angle_deg, depth_mm, force_N
-        Angle of the motion, or the depth or force that loads a soft body; the others are None.
+        Angle of the motion, or depth or force that loads a soft body; the others are None.
     in_space
         Whether rays were traced in space.
     faces
@@ -39,7 +39,7 @@ class DesignTrace(Trace, kw_only=True):
     branches
         Paths of all rays, if requested.
     warnings
-        Warnings, and keys without effect.
+        Warnings about the design, including keys without effect.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
@@ -56,7 +56,7 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error against the number of rays of a design at an angle or load, with warnings; networks have ``emitter``."""
+    """Error of a design's powers against the number of rays, at an angle or load; ``emitter`` is that of a network."""
 
     name: str
     emitter: str | None
@@ -74,11 +74,11 @@ class Sensitivities(Result):
     name
         Name of the design.
     angle_deg, depth_mm, force_N
-        Angle of its motion, or the depth or force that loads a soft body; the others are None.
+        Angle of its motion, or depth or force that loads a soft body; the others are None.
     sensitivities
         Derivatives with respect to each number of the design.
     skipped
-        Reasons why numbers were omitted, by key.
+        Reasons why numbers were omitted, keyed by number.
     warnings
         Warnings about the numbers.
     simulated
@@ -120,16 +120,16 @@ def trace_design(
         in_space=scene.extrusion is not None,
         faces=face_names(scene),
         branches=branches(trace, scene) if paths else None,
-        warnings=(*sensor.warnings, *keys_without_effect(sensor, trace.mode), *beyond(sensor, angle_deg)),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor, trace.mode), *range_cautions(sensor, angle_deg)),
     )
 
 
 def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConvergence:
-    """Return the error against the number of rays at an angle, in the design's mode, for each sampling method."""
+    """Return the error against the number of rays at an angle, for each sampling method, in the design's mode."""
     check_value(sensor, angle_deg)
-    found = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
+    result = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
     return DesignConvergence(
-        **vars(found),
+        **vars(result),
         **sensor.design.motion.named(angle_deg),
         name=sensor.design.name,
         emitter=sensor.design.network.lit,
@@ -140,10 +140,10 @@ def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConverge
 def sensitivities(
     sensor: Sensor, keys: Sequence[str] = (), angle_deg: float = 0.0, progress: Progress | None = None
 ) -> Sensitivities:
-    """Return derivatives of a design's readings at an angle with respect to its numbers; see `Sensor.sensitivity`."""
+    """Return the derivatives of a design's readings at an angle with respect to numbers; see `Sensor.sensitivity`."""
     check_value(sensor, angle_deg)
     rows = sensor.sensitivity(keys or None, angle_deg, progress)
-    skipped = {} if keys else {key: why for key in usual_keys(sensor) if (why := inert(sensor, key))}
+    skipped = {} if keys else {key: why for key in optical_keys(sensor) if (why := why_inert(sensor, key))}
     return Sensitivities(
         name=sensor.design.name,
         **sensor.design.motion.named(angle_deg),
@@ -153,24 +153,24 @@ def sensitivities(
     )
 
 
-def one_lit(design: Design, emitter: str | None) -> Design:
-    """Return the design with the named emitter lit; a network with several needs a name, here or as ``network.lit``.
+def with_lit_emitter(design: Design, emitter: str | None) -> Design:
+    """Return the design with the named emitter lit, by default that of ``network.lit``.
 
     Raises
     ------
     SpecError
-        If none of several is named, or one is named for a design that is not a network.
+        If none of several emitters is named, or one is named for a design that is not a network.
     """
     network = design.network
     if emitter is not None:
         return with_values(design, {"network.lit": emitter})
     if design.body.kind == "network" and network.lit is None and len(network.emitters) > 1:
         names = ", ".join(emitter.name for emitter in network.emitters)
-        raise SpecError("--emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
+        raise SpecError("--emitter", limit=f"missing: the emitters are {names}", remedy="specify one of them")
     return design
 
 
-def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> float:
+def requested_value(sensor: Sensor, angle_deg: float | None, at: float | None) -> float:
     """Return the requested value of the driven quantity: an angle, by default 0, or a load, by default the last.
 
     Raises
@@ -180,7 +180,7 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
     """
     motion = sensor.design.motion
     if sensor.is_network and (angle_deg is not None or at is not None):
-        limit = "does not apply: a network has motions by name"
+        limit = "does not apply: a network has named motions"
         name, value = ("--at", at) if angle_deg is None else ("--angle-deg", angle_deg)
         raise SpecError(name, value=value, limit=limit, remedy="use --set network.motion[0].at_deg=...")
     if sensor.is_loaded:
@@ -195,13 +195,13 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
 
 
 def check_value(sensor: Sensor, value: float) -> None:
-    """Raise `SpecError` for an angle outside every motion, or a load that is not a number."""
+    """Raise `SpecError` if an angle is outside -90° to 90°, or a load is not finite."""
     if not (math.isfinite(value) and (abs(value) < 90.0 or sensor.design.motion.unit != "deg")):
         limit = "must be between -90 and 90" if sensor.design.motion.unit == "deg" else "must be a finite number"
         raise SpecError("--at" if sensor.is_loaded else "--angle-deg", value=value, limit=limit)
 
 
-def beyond(sensor: Sensor, value: float) -> tuple[Caution, ...]:
+def range_cautions(sensor: Sensor, value: float) -> tuple[Caution, ...]:
     """Return a warning if a load is outside the range of a soft body's motion."""
     if not sensor.is_loaded:
         return ()
@@ -212,8 +212,8 @@ def beyond(sensor: Sensor, value: float) -> tuple[Caution, ...]:
     return (warning(f"{motion.drives} = {value:g} is outside the motion's range of {low:g} to {high:g} {motion.unit}"),)
 
 
-class Driven(Protocol):
-    """A result at an angle, a depth or a force."""
+class DrivenResult(Protocol):
+    """A result for an angle, a depth or a force."""
 
     @property
     def angle_deg(self) -> float | None: ...  # noqa: D102
@@ -225,7 +225,7 @@ class Driven(Protocol):
     def force_N(self) -> float | None: ...  # noqa: D102
 
 
-def where(result: Driven) -> str:
+def value_text(result: DrivenResult) -> str:
     """Format the angle, depth or force of a result with its unit."""
     values = {"deg": result.angle_deg, "mm": result.depth_mm, "N": result.force_N}
     return next((f"{value:g} {unit}" for unit, value in values.items() if value is not None), "")

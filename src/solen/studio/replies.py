@@ -13,7 +13,7 @@ from solen.explore.tolerance_effects import ToleranceEffect, combined_change, to
 from solen.results import plain
 from solen.sensor import Sensor, as_built, in_plane, picture
 from solen.sensor.network.response import network_response
-from solen.sensor.picture import MAX_RAYS, RAYS
+from solen.sensor.picture import DEFAULT_RAYS, MAX_RAYS
 from solen.spec import json_schema
 from solen.spec.placed import lit
 from solen.spec.strict import Number, Strict
@@ -32,9 +32,9 @@ COMPARISON_RAYS = 2**14
 class View(Strict):
     """View settings for a design on the page."""
 
-    angle_deg: Number = Field(0.0, description="Angle, or other value of the motion.")
-    rays: int = Field(RAYS, ge=1, le=MAX_RAYS, description="Rays drawn.")
-    split: bool = Field(False, description="Whether rays are split at each face.")
+    angle_deg: Number = Field(0.0, description="Angle, or value of whatever else the motion drives.")
+    rays: int = Field(DEFAULT_RAYS, ge=1, le=MAX_RAYS, description="Rays drawn.")
+    split: bool = Field(False, description="Whether both branches are followed at each face, rather than whole rays.")
     light: Literal["design", "plane", "space"] = Field(
         "design", description="Whether the response is traced in the plane or in space."
     )

@@ -22,7 +22,7 @@ from solen.analysis.diagnosis.response_table import STEP_DEG, STEP_IN_SPACE_DEG,
 from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.progress import Progress, part_of
-from solen.sensor import Sensor, inert
+from solen.sensor import Sensor, why_inert
 from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
@@ -117,7 +117,7 @@ class Response:
         """
         spreads = spreads or {}
         for key in spreads:
-            if key != INDEX and (why := inert(sensor, key)):
+            if key != INDEX and (why := why_inert(sensor, key)):
                 raise SpecError(key, limit=why, remedy="omit it")
         parts = 3.0 + 2.0 * len(spreads)
         in_space = sensor.design.trace.dimension == "extruded"

@@ -26,7 +26,7 @@ from solen.errors import DataError
 from solen.ranks import Caution, do_not_use, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit, plain
-from solen.sensor.network.motions import Determination, determined, in_words
+from solen.sensor.network.motions import Determination, determined, undetermined_sentences
 
 FOLDS, ROWS = 10, 15
 """Number of parts of the states that are held out in turn, and number of rows from each stop that are then decoded."""
@@ -116,7 +116,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     lost, worst = _lost(first.motions, forward, decoder)
     if lost > MAX_LOST and worst is not None:
         remedy = "add an emitter or a receiver that separates them; solen sensitivity shows what a design determines"
-        raise DataError(file, limit=" and ".join(in_words(worst)), remedy=remedy)
+        raise DataError(file, limit=" and ".join(undetermined_sentences(worst)), remedy=remedy)
     left_out = _left_out(alike, each, forward, noise)
     checks = () if left_out is None else checks_of(first.motions, left_out)
     warnings = [
@@ -299,7 +299,7 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
     if not checks:
         found.append(warning(f"fewer than {2 * FOLDS} states, too few to check the calibration on held-out states"))
     if lost > SOME_LOST and worst is not None:
-        found.append(warning(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
+        found.append(warning(f"in {100 * lost:.2g} % of the states, {' and '.join(undetermined_sentences(worst))}"))
     found += [
         do_not_use(
             f"{check.motion}: only {100 * check.within_95:.0f} % of the held-out states lie within the 95 % bands"

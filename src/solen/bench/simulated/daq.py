@@ -20,7 +20,7 @@ from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.bench.simulated.networks import SimulatedNetwork
 from solen.bench.simulated.sampler import SimulatedSampler
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
-from solen.readout import noisy
+from solen.readout import noisy_readings
 from solen.readout.emitter import REFERENCE_C
 
 AT_ONCE = 20_000
@@ -123,7 +123,7 @@ class SimulatedDaq(SimulatedSampler):
         before_s = np.where(lit, 1.0 - self._on_share, self._on_share)[moving] / self.switch_hz
         volts = line.volts.copy()
         volts[moving] = settling(volts[moving], other, after_s[moving], before_s, 1.0 / self.switch_hz, settling_s)
-        return noisy(circuit, replace(line, volts=volts), REFERENCE_C, self.rng)
+        return noisy_readings(circuit, replace(line, volts=volts), REFERENCE_C, self.rng)
 
     def _in_turn(self, network: SimulatedNetwork, time_s: FloatArray) -> FloatArray:
         """Return the volts (N, R) that the converter reads from a network's receivers, with one slot for each emitter.
@@ -145,7 +145,7 @@ class SimulatedDaq(SimulatedSampler):
         half_s = np.full_like(after_s, 0.5 * slot_s)
         line = circuit.load_line(circuit.current_mA(np.where(lit, shares, 0.0), light))
         settled = settling(here, other, after_s, half_s, slot_s, settling_s)
-        return noisy(circuit, replace(line, volts=settled), REFERENCE_C, self.rng)
+        return noisy_readings(circuit, replace(line, volts=settled), REFERENCE_C, self.rng)
 
 
 def settling(

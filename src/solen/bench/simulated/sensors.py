@@ -224,7 +224,7 @@ def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArra
         middles = 0.5 * (found.angle_deg[steps] + found.angle_deg[steps + 1])
         more = sensor.power(middles.tolist(), tolerance=TOLERANCE)
         off = np.abs(_shares(more) - guessed(middles)).max(axis=1) > CLOSE * _shares(found).max()
-        found = found.joined(more)
+        found = found.merged(more)
         if not off.any():
             break
         begun = np.searchsorted(found.angle_deg, middles[off])

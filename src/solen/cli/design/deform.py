@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from solen.cli.app import lines, short
 from solen.pipeline.design.deform import deform as deform
 from solen.sensor.loaded import Deformation, LoadedStudy
-from solen.sensor.traced import where
+from solen.sensor.traced import value_text
 
 MAX_ROWS = 12
 ROUND_OFF = 1e-9
@@ -18,7 +18,7 @@ def _(result: Deformation) -> Iterator[str]:
     x, z = (_rounded(shift) for shift in result.shift_mm)
     newtons = max(math.hypot(*reaction.force_N) for reaction in result.reactions)
     moments = max(abs(reaction.moment_Nmm) for reaction in result.reactions)
-    yield f"{result.name}, {result.drives} at {where(result)}"
+    yield f"{result.name}, {result.drives} at {value_text(result)}"
     yield (f"  emitter and lens rotate by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)")
     yield (f"  largest strain {result.strain_largest:.3g}; walls assumed vertical to within {result.bulge_mm:.2g} mm")
     for reaction in result.reactions:

@@ -8,15 +8,15 @@ from solen.cli.design.trace import signed
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
 from solen.sensor.network import NetworkSensitivities
-from solen.sensor.network.motions import Determination, Suggestion, words
-from solen.sensor.traced import DesignConvergence, Sensitivities, where
+from solen.sensor.network.motions import Determination, Suggestion, combination_text
+from solen.sensor.traced import DesignConvergence, Sensitivities, value_text
 
 
 @lines.register
 def _(result: DesignConvergence) -> Iterator[str]:
     reference = result.reference
     by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
-    lit = f" with {result.emitter} lit" if result.emitter else f" at {where(result)}"
+    lit = f" with {result.emitter} lit" if result.emitter else f" at {value_text(result)}"
     yield f"{result.name}{lit}, mode {result.mode}: error against {by}"
     for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
@@ -26,7 +26,7 @@ def _(result: DesignConvergence) -> Iterator[str]:
 @lines.register
 def _(sensitivities: Sensitivities) -> Iterator[str]:
     width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
-    at = f"{sensitivities.name} at {where(sensitivities)}"
+    at = f"{sensitivities.name} at {value_text(sensitivities)}"
     yield f"{at}: change per unit of each parameter, and for its tolerance"
     heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"
@@ -72,7 +72,7 @@ def _determines(found: Determination) -> Iterator[str]:
     for combination in found.combinations:
         unit = "times their noise per degree"
         by = f"{short(combination.singular_per_deg)} ± {short(combination.u_singular_per_deg)} {unit}"
-        yield f"    readings change by {by} for {words(combination)}"
+        yield f"    readings change by {by} for {combination_text(combination)}"
 
 
 def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> Iterator[str]:

@@ -16,7 +16,7 @@ from solen.pipeline.options import FLAT, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.network import NetworkResponse, NetworkTrace
-from solen.sensor.traced import DesignTrace, where
+from solen.sensor.traced import DesignTrace, value_text
 from solen.trace import Trace
 from solen.trace.described import SceneTrace
 from solen.trace.options import TraceOptions
@@ -87,7 +87,7 @@ def trace(
 
 @lines.register
 def _(result: DesignTrace) -> Iterator[str]:
-    yield f"{result.name} at {where(result)}, {_how(result)}"
+    yield f"{result.name} at {value_text(result)}, {_how(result)}"
     for name, reading in sorted(result.detectors.items()):
         yield f"  {name:9} {_power(reading.power, reading.u_power)}  ({reading.rays} rays)"
     yield from _whole(result, result.in_space)

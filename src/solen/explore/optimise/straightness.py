@@ -6,7 +6,7 @@ Public name: `straightness_options`.
 import math
 
 from solen.explore.optimise.options import OptimiseOptions
-from solen.sensor import Sensor, inert
+from solen.sensor import Sensor, why_inert
 from solen.sensor.numbers import number
 from solen.spec import Design
 
@@ -27,7 +27,7 @@ def straightness_options(design: Design) -> OptimiseOptions:
     The free numbers are those of `KEYS` that affect the design's light, and the knots of a free form.
     """
     sensor = Sensor.of(design)
-    free = [_around(key, number(sensor, key)) for key in KEYS if not inert(sensor, key)]
+    free = [_around(key, number(sensor, key)) for key in KEYS if not why_inert(sensor, key)]
     if sensor.has_lens and design.lens.shape == "spline" and not sensor.is_measured:
         knots = enumerate(design.lens.knots_um or ())
         free += [f"lens.knots_um[{place}]={value - KNOTS_UM:g}:{value + KNOTS_UM:g}" for place, value in knots]

@@ -29,7 +29,7 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import LensResponse, lens_responses
-from solen.sensor.sensor import OF_SHAPES
+from solen.sensor.sensor import NO_SHAPE_KEYS
 from solen.spec import Design, dumps, with_values
 
 SYMMETRIC_UM = 1.0
@@ -348,7 +348,7 @@ def _responses(
 
 def _upright(sensor: Sensor) -> dict[str, object]:
     """Return the values of the same design with one profile over the entire body: the cylinder."""
-    values = OF_SHAPES | {"lens.shape": "layered", "lens.profile": None}
+    values = NO_SHAPE_KEYS | {"lens.shape": "layered", "lens.profile": None}
     return values | {"lens.layer_mm": sensor.design.body.thickness_mm}
 
 

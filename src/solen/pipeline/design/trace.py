@@ -13,18 +13,18 @@ from solen.pipeline.outputs import drawn, named, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
-from solen.sensor.network import NetworkTrace, network_trace, refuse_in_turn
-from solen.sensor.network.places import suggestions
+from solen.sensor.network import NetworkTrace, check_single_emitter_options, network_trace
 from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
+from solen.sensor.network.suggestions import suggestions
 from solen.sensor.traced import (
     DesignConvergence,
     DesignTrace,
     Sensitivities,
     design_convergence,
-    one_lit,
+    requested_value,
     sensitivities,
     trace_design,
-    value_asked,
+    with_lit_emitter,
 )
 from solen.spec import dumps, with_values
 from solen.trace import Mode, Trace
@@ -52,12 +52,12 @@ def trace(
     sensor = Sensor.of(with_values(open_design(path, assignments), mode | lit))
     if sensor.is_network and emitter is None:
         of_one = {"--angle-deg": angle_deg, "--at": at, "--paths": paths or None, "--netcdf": netcdf}
-        refuse_in_turn(of_one)
+        check_single_emitter_options(of_one)
         every = network_trace(sensor.design, options)
         contents = drawn(every, figure, "rays")
         files.write_all(contents)
         return Outcome(every, named(figure=figure.figure))
-    value = value_asked(sensor, angle_deg, at)
+    value = requested_value(sensor, angle_deg, at)
     result = trace_design(sensor, value, options, paths=paths)
 
     names = ", ".join(interface.name for interface in sensor.scene(value).interfaces)
@@ -120,9 +120,9 @@ def convergence(
         How rays meet faces.
     """
     figure.check()
-    design = one_lit(open_design(file, set_), emitter)
+    design = with_lit_emitter(open_design(file, set_), emitter)
     sensor = Sensor.of(with_values(design, {"trace.mode": mode}))
-    return write(design_convergence(sensor, value_asked(sensor, angle_deg, at)), "convergence", figure=figure)
+    return write(design_convergence(sensor, requested_value(sensor, angle_deg, at)), "convergence", figure=figure)
 
 
 def sensitivity(
@@ -155,7 +155,7 @@ def sensitivity(
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))
-    value = value_asked(sensor, angle_deg, at)
+    value = requested_value(sensor, angle_deg, at)
     if sensor.is_network:
         found = network_sensitivities(sensor.design, keys, progress=None if suggest else progress)
         if suggest:

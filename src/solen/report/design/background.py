@@ -8,7 +8,7 @@ from solen.material import Optical
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.summary import measured
 from solen.sensor import DesignStudy, tolerance_of
-from solen.sensor.effects import index_steps
+from solen.sensor.effects import index_offsets
 from solen.sensor.loaded import LoadedStudy
 from solen.sensor.network import NetworkStudy
 from solen.sensor.practice import CHIP_MM
@@ -124,7 +124,7 @@ def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
             f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, while the design states {lens.focus_mm:g} mm."
         )
     parts = []
-    for step, _ in index_steps(material, off):
+    for step, _ in index_offsets(material, off):
         if step != 0.0:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
             which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"

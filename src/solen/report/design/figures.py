@@ -22,7 +22,7 @@ from solen.plane import along
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, receiver
 from solen.report.design.summary import matters
 from solen.scene import Scene
-from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
+from solen.sensor import SATURATION_CONTRAST, Case, DesignStudy, Practice, Response, Sensor
 from solen.sensor.traced import DesignTrace
 from solen.trace import Convergence, Mode, Path, Trace, trace_reference
 from solen.trace.described import SceneTrace
@@ -235,7 +235,7 @@ def _response_axes() -> tuple[Figure, Axes, Axes]:
 
 def _contrast_axes(axes: Axes) -> None:
     axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-    for bound in (-SATURATED, SATURATED):
+    for bound in (-SATURATION_CONTRAST, SATURATION_CONTRAST):
         axes.axhline(bound, color=LOST, lw=0.8, ls=":")
 
 

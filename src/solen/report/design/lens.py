@@ -12,7 +12,7 @@ from solen.errors import DesignError
 from solen.lens import LayeredLens, Lens, LensInSpace, MeasuredLens, OvalLens, SplineLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT
 from solen.sensor import LensCheck, Sensor, tolerance_of
-from solen.sensor.effects import index_steps
+from solen.sensor.effects import index_offsets
 
 PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
@@ -110,7 +110,7 @@ def focus_figure(sensor: Sensor) -> Figure:
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit="has no focus")
     figure = Figure(figsize=(5.2, 3.2))
     axes = figure.add_subplot()
-    steps = index_steps(material, tolerance_of(sensor, "material.index")[0])
+    steps = index_offsets(material, tolerance_of(sensor, "material.index")[0])
     half, stated = max(abs(step) for step, _ in steps), bool(material.u_index)
     indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
     band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")

@@ -15,9 +15,9 @@ from solen.report import canvas
 from solen.report.canvas import INK, LOST, SPACE, receiver
 from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
 from solen.report.design.table import csv_text
-from solen.sensor import SATURATED, Sensor
+from solen.sensor import SATURATION_CONTRAST, Sensor
 from solen.sensor.loaded import Deformation, LoadedStudy
-from solen.sensor.traced import where
+from solen.sensor.traced import value_text
 
 COLUMNS = (
     *("angle_deg", "depth_mm", "force_N", "moment_Nmm", "turn_deg", "lens_turn_deg"),
@@ -42,7 +42,7 @@ def figures(study: LoadedStudy) -> dict[str, str]:
 
 def deformation_figure(result: Deformation) -> Figure:
     """Draw the shape and strain of a loaded body, and the light inside it."""
-    return shape_figure(result.sensor, result.state, f"{result.drives} at {where(result)}")
+    return shape_figure(result.sensor, result.state, f"{result.drives} at {value_text(result)}")
 
 
 def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
@@ -87,7 +87,7 @@ def response_figure(study: LoadedStudy) -> Figure:
         other = study.planes.stress if study.design.mechanics.plane == "strain" else study.planes.strain
         name = "stress" if study.design.mechanics.plane == "strain" else "strain"
         axes[1].plot(study.planes.values, other, "o:", color=SPACE, lw=1.0, ms=4, label=f"plane {name}")
-    for bound in (-SATURATED, SATURATED):
+    for bound in (-SATURATION_CONTRAST, SATURATION_CONTRAST):
         axes[1].axhline(bound, color=LOST, lw=0.8, ls=":")
     axes[1].set(xlabel=LABELS[key], ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
     axes[1].legend(loc="lower right" if study.contrast[-1] > study.contrast[0] else "lower left")

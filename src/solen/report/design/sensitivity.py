@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from solen.errors import OutputError
 from solen.report.canvas import INK, LEFT, RIGHT
 from solen.sensor.response import Sensitivity
-from solen.sensor.traced import Sensitivities, where
+from solen.sensor.traced import Sensitivities, value_text
 
 UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm", "_MPa": "MPa"}
 """Units by key suffix; other keys have none."""
@@ -31,7 +31,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
     grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
     for place, (unit, part) in enumerate(panels.items()):
         _draw(figure.add_subplot(grid[place, 0]), unit, part)
-    figure.suptitle(f"simulated: {sensitivities.name} at {where(sensitivities)}")
+    figure.suptitle(f"simulated: {sensitivities.name} at {value_text(sensitivities)}")
     return figure
 
 

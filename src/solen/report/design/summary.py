@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solen.sensor import SATURATED, DesignStudy, Effect, LensChoice, LensFigures, Practice, Response, Summary
+from solen.sensor import SATURATION_CONTRAST, DesignStudy, Effect, LensChoice, LensFigures, Practice, Response, Summary
 from solen.sensor.effects import HOLD, HOLDS, JOIN
 from solen.sensor.lens_choice import CYLINDER, LAYERED
 
@@ -86,7 +86,7 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
         rows.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
     if practice is not None and practice.paper is not None:
         saturated = practice.paper.saturation_deg()
-        beyond = "" if saturated is None else f"; above {SATURATED:g} from {saturated:.2f}° on"
+        beyond = "" if saturated is None else f"; above {SATURATION_CONTRAST:g} from {saturated:.2f}° on"
         rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
     return rows
 
@@ -182,8 +182,12 @@ def _range(summary: Summary) -> str:
     if summary.null_deg is None:
         return "none, as there is no null"
     if summary.saturation_deg is None:
-        return f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays within ±{SATURATED:g}"
-    return f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds ±{SATURATED:g}"
+        return (
+            f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays within ±{SATURATION_CONTRAST:g}"
+        )
+    return (
+        f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds ±{SATURATION_CONTRAST:g}"
+    )
 
 
 def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]:

@@ -7,15 +7,15 @@ from solen.geometry.network import DrawnLens, drawn_lenses, network_lenses
 from solen.lens import CurvedLens, Lens
 from solen.material import Optical
 from solen.results import Result
-from solen.sensor.network.response import in_turn, receivers_of, warnings_of
+from solen.sensor.network.response import emitter_sensors, receivers_of, warnings_of
 from solen.sensor.sensor import Sensor
 from solen.spec import Design
 from solen.spec.placed import states
 
 
 @dataclass(frozen=True)
-class LensOfNetwork:
-    """A lens of a network, and the focus of its emitter's light in the material, in mm behind its vertex."""
+class NetworkLens:
+    """A lens of a network, with its best focus at its emitter's wavelength, in mm behind the vertex."""
 
     name: str
     shape: str
@@ -25,8 +25,8 @@ class LensOfNetwork:
 
 
 @dataclass(frozen=True)
-class EmitterOfNetwork:
-    """An emitter of a network: its position, its direction, counter-clockwise from +z, and its light."""
+class NetworkEmitter:
+    """An emitter of a network: position, direction, counter-clockwise from +z, and wavelength."""
 
     name: str
     x_mm: float
@@ -43,13 +43,14 @@ class NetworkCheck(Result):
     name
         Name of the design.
     states
-        States in which its body was built: each motion over its range, and the ends of all motions together.
+        Number of states in which the body was built: each motion over its range, and all motions together at their
+        ends.
     material
         Index and absorption at the first emitter's wavelength.
     guides, receivers, motions
         Names of its guides, receivers and motions.
     readings
-        Expressions of its readings, by name.
+        Expressions of its readings, keyed by name.
     lenses, emitters
         Its lenses, and its emitters at rest.
     faces
@@ -57,15 +58,15 @@ class NetworkCheck(Result):
     area_mm2
         Area of the section.
     warnings
-        Warnings about the design, and its keys without effect.
+        Warnings about the design, including keys without effect.
     """
 
     name: str
     states: int
     material: Optical
     guides: tuple[str, ...]
-    lenses: tuple[LensOfNetwork, ...]
-    emitters: tuple[EmitterOfNetwork, ...]
+    lenses: tuple[NetworkLens, ...]
+    emitters: tuple[NetworkEmitter, ...]
     receivers: tuple[str, ...]
     motions: tuple[str, ...]
     readings: dict[str, str]
@@ -75,13 +76,13 @@ class NetworkCheck(Result):
 
     @property
     def kind(self) -> str:
-        """Description in words."""
+        """Kind of network, as a phrase."""
         return f"a network of {len(self.guides)} guides" if self.guides else "a drawn network"
 
 
 def network_check(design: Design) -> NetworkCheck:
     """Check that a network can be built in all states of its motions; raise `DesignError` if it cannot."""
-    sensors = in_turn(design)
+    sensors = emitter_sensors(design)
     for sensor in sensors:
         sensor.check()
     body, network = sensors[0].body(), design.network
@@ -102,15 +103,15 @@ def network_check(design: Design) -> NetworkCheck:
     )
 
 
-def _lens(sensors: Sequence[Sensor], name: str, lens: Lens | DrawnLens) -> LensOfNetwork:
-    """Return a lens with its focus in the material at the wavelength of the emitter in front of it."""
+def _lens(sensors: Sequence[Sensor], name: str, lens: Lens | DrawnLens) -> NetworkLens:
+    """Return a lens with its focus at the wavelength of its emitter, or of the first emitter if it has none."""
     network = sensors[0].design.network
-    before = [sensor for sensor, emitter in zip(sensors, network.emitters, strict=True) if emitter.lens == name]
-    index = (before or sensors)[0].material.index
+    lit = [sensor for sensor, emitter in zip(sensors, network.emitters, strict=True) if emitter.lens == name]
+    index = (lit or sensors)[0].material.index
     focus = lens.best_focus_mm(index) if isinstance(lens, CurvedLens) else None
-    return LensOfNetwork(name, lens.shape, lens.half_width_mm, lens.depth_mm, focus)
+    return NetworkLens(name, lens.shape, lens.half_width_mm, lens.depth_mm, focus)
 
 
-def _emitter(sensor: Sensor) -> EmitterOfNetwork:
+def _emitter(sensor: Sensor) -> NetworkEmitter:
     pose = sensor.body().emitter
-    return EmitterOfNetwork(sensor.design.network.lit or "", *pose.point, pose.axis_deg, sensor.light.wavelength_nm)
+    return NetworkEmitter(sensor.design.network.lit or "", *pose.point, pose.axis_deg, sensor.light.wavelength_nm)

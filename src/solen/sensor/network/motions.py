@@ -1,12 +1,13 @@
 """Motions of a network that its readings distinguish, and how well, from one reading of every receiver per emitter.
 
-Readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ = 1, each
-singular value is the change of all readings together per degree of a combination of motions, in standard deviations.
-The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal noise no estimate is better:
-Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not determined, nor is any
-motion with a component in it.
+For small motions m, the readings change by J m, with noise of covariance C. In units of the noise the matrix is W J,
+with W C Wᵀ = 1. Each of its singular values is the change of all readings together, in standard deviations, per degree
+of a combination of motions. The best linear unbiased estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹
+(Gauss-Markov), which for normal noise is the Cramér-Rao bound. A combination whose singular value is less than
+`MIN_SIGNIFICANCE` times its uncertainty is not determined, nor is any motion with a component in it.
 
-Public names: `determined`, `Determination` and `in_words`.
+Public names: `determined`, `Determination`, `Combination`, `Suggestion`, `undetermined_sentences` and
+`combination_text`.
 """
 
 import math
@@ -18,14 +19,12 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.results import Result, reported
 
-SURE = 2.0
+MIN_SIGNIFICANCE = 2.0
 """Multiple of its uncertainty that a singular value must exceed for its combination of motions to be determined."""
-RANK = 1e-12
-"""Smallest eigenvalue of a correlation, relative to the largest, for an independent combination of readings."""
-SHOWN, ALIKE = 0.1, 0.1
-"""Smallest component of a motion that is named in a sentence, and largest difference of two components that count as
-equal.
-"""
+MIN_EIGENVALUE = 1e-12
+"""Smallest eigenvalue of the correlation matrix, relative to the largest, of an independent combination of readings."""
+MIN_COMPONENT, MAX_DIFFERENCE = 0.1, 0.1
+"""Smallest component of a motion named in a sentence, and largest difference of components treated as equal."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class Combination:
     Attributes
     ----------
     shares
-        Components by motion: angles whose squares add up to 1 deg².
+        Components, keyed by motion: angles whose squares add up to 1 deg².
     singular_per_deg, u_singular_per_deg
         Change of all readings together per degree, in standard deviations of their noise; its uncertainty is a bound.
     """
@@ -46,8 +45,8 @@ class Combination:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the readings determine the combination: their change exceeds `SURE` times its uncertainty."""
-        return self.singular_per_deg > SURE * self.u_singular_per_deg
+        """Whether the readings determine the combination: they change by more than twice their uncertainty."""
+        return self.singular_per_deg > MIN_SIGNIFICANCE * self.u_singular_per_deg
 
     @property
     def sd_deg(self) -> float:
@@ -64,11 +63,11 @@ class Determination(Result):
         Names of the motions.
     sd_deg, u_sd_deg
         Standard deviation (motions,) of each motion if all are unknown, and its uncertainty due to the simulated light;
-        infinite and NaN if the readings do not determine the motion.
+        infinite and NaN for a motion that the readings do not determine.
     covariance_deg2
         Covariance (motions, motions) of the determined combinations.
     combinations
-        Combinations of the motions, from the best determined to the worst.
+        Combinations of the motions, the best determined first.
     """
 
     motions: tuple[str, ...]
@@ -88,13 +87,13 @@ class Determination(Result):
         return sum(combination.is_determined for combination in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
-        """Return whether this determines more combinations, or the worst motion better beyond both uncertainties."""
+        """Return whether more combinations are determined than by another, or the worst motion significantly better."""
         if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
             return self.rank > other.rank
         if not math.isfinite(other.worst_sd_deg):
             return True
         gain = other.worst_sd_deg - self.worst_sd_deg
-        return gain > math.hypot(*(float(one.u_sd_deg[one.sd_deg.argmax()]) for one in (self, other)))
+        return gain > math.hypot(*(float(each.u_sd_deg[each.sd_deg.argmax()]) for each in (self, other)))
 
     @property
     def all_distinguished(self) -> bool:
@@ -111,15 +110,15 @@ class Suggestion:
     part
         ``"receiver"`` or ``"emitter"``.
     place
-        Position of the part, in words.
+        Description of the part's position.
     tables
-        Addition to the design file, as TOML.
+        TOML tables to add to the design file.
     worst_sd_deg
         Largest standard deviation of a motion with the part; infinite if one is still not determined.
     rank
         Number of combinations of motions that are determined with the part.
     by_voltages
-        Determination of the motions by all voltages with the part.
+        Determination of the motions by all voltages, with the part.
     """
 
     part: str
@@ -144,30 +143,31 @@ def determined(
     covariance
         Covariance (N, N) of the readings' noise, in squares of their unit.
     """
-    white = _whitening(covariance)
-    jacobian, u_squared = white @ slope_per_deg, white**2 @ u_slope_per_deg**2
-    _, found, rows = np.linalg.svd(jacobian)
-    rows *= np.sign(rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1), None])  # the largest share is positive
+    whitening = _whitening(covariance)
+    jacobian, u_squared = whitening @ slope_per_deg, whitening**2 @ u_slope_per_deg**2
+    _, values, directions = np.linalg.svd(jacobian)
+    largest = directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1), None]
+    directions *= np.sign(largest)  # the largest component is positive
     singular = np.zeros(len(motions))
-    singular[: len(found)] = found
-    u_singular = np.sqrt((u_squared @ rows.T**2).sum(axis=0))
+    singular[: len(values)] = values
+    u_singular = np.sqrt((u_squared @ directions.T**2).sum(axis=0))
     combinations = tuple(
-        Combination(dict(zip(motions, row.tolist(), strict=True)), float(value), float(u))
-        for row, value, u in zip(rows, singular, u_singular, strict=True)
+        Combination(dict(zip(motions, direction.tolist(), strict=True)), float(value), float(u))
+        for direction, value, u in zip(directions, singular, u_singular, strict=True)
     )
-    kept = np.array([combination.is_determined for combination in combinations], dtype=bool)
-    scaled = rows[kept] / singular[kept, None]
+    is_determined = np.array([combination.is_determined for combination in combinations], dtype=bool)
+    scaled = directions[is_determined] / singular[is_determined, None]
     covariance_deg2 = scaled.T @ scaled
     variance = np.diag(covariance_deg2)
     # first order: d(var_i) = -2 Σ J⁺_in dJ_nm (J⁺J⁺ᵀ)_mi
     inverse = covariance_deg2 @ jacobian.T
     u_variance = 2.0 * np.sqrt(np.einsum("in,nm,mi->i", inverse**2, u_squared, covariance_deg2**2))
-    lost = _has_share(rows, singular, u_singular, kept)
+    undetermined = _has_undetermined_component(directions, singular, u_singular, is_determined)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u_sd = np.where(lost, np.nan, 0.5 * u_variance / np.sqrt(variance))
+        u_sd = np.where(undetermined, np.nan, 0.5 * u_variance / np.sqrt(variance))
     return Determination(
         motions=tuple(motions),
-        sd_deg=np.where(lost, np.inf, np.sqrt(variance)),
+        sd_deg=np.where(undetermined, np.inf, np.sqrt(variance)),
         u_sd_deg=u_sd,
         covariance_deg2=covariance_deg2,
         combinations=combinations,
@@ -178,63 +178,68 @@ def _whitening(covariance: FloatArray) -> FloatArray:
     """Return a matrix (K, N) that turns noise of covariance (N, N) and rank K into independent unit noise."""
     sd = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
-    kept = values > RANK * values.max(initial=0.0)
+    kept = values > MIN_EIGENVALUE * values.max(initial=0.0)
     return np.asarray((vectors[:, kept] / np.sqrt(values[kept])).T / sd)
 
 
-def _has_share(rows: FloatArray, singular: FloatArray, u_singular: FloatArray, kept: BoolArray) -> BoolArray:
-    """Return whether each motion (M,) has a component, beyond its uncertainty, in a combination that is not determined.
+def _has_undetermined_component(
+    directions: FloatArray, singular: FloatArray, u_singular: FloatArray, is_determined: BoolArray
+) -> BoolArray:
+    """Return whether each motion (M,) has a component, above its uncertainty, in a combination that is not determined.
 
     The uncertainty of a combination's direction is the uncertainty of its singular value divided by the difference of
     the singular values.
     """
-    lost = np.zeros(rows.shape[1], dtype=bool)
-    least = float(singular[kept].min(initial=np.inf))
-    for row, value, u in zip(rows[~kept], singular[~kept], u_singular[~kept], strict=True):
-        lost |= np.abs(row) > (u / (least - value) if math.isfinite(least) else 0.0)
-    return lost
+    has_component = np.zeros(directions.shape[1], dtype=bool)
+    smallest = float(singular[is_determined].min(initial=np.inf))
+    rows = (directions[~is_determined], singular[~is_determined], u_singular[~is_determined])
+    for direction, value, u in zip(*rows, strict=True):
+        has_component |= np.abs(direction) > (u / (smallest - value) if math.isfinite(smallest) else 0.0)
+    return has_component
 
 
-def in_words(found: Determination) -> Iterator[str]:
-    """Yield sentences about combinations of motions that readings do not determine."""
-    lost = [combination for combination in found.combinations if not combination.is_determined]
-    if not lost:
+def undetermined_sentences(determination: Determination) -> Iterator[str]:
+    """Yield sentences about the combinations of motions that readings do not determine."""
+    undetermined = [combination for combination in determination.combinations if not combination.is_determined]
+    if not undetermined:
         return
-    shares = {name: share for name, share in lost[0].shares.items() if abs(share) >= SHOWN}
-    if len(lost) > 1:
+    components = {name: value for name, value in undetermined[0].shares.items() if abs(value) >= MIN_COMPONENT}
+    if len(undetermined) > 1:
         known = "; ".join(
-            f"{words(combination)} to ± {combination.sd_deg:.2g}°"
-            for combination in found.combinations
+            f"{combination_text(combination)} to ± {combination.sd_deg:.2g}°"
+            for combination in determination.combinations
             if combination.is_determined
         )
-        count = f"{found.rank} combination{'s' * (found.rank != 1)}"
-        yield f"of the {len(found.motions)} motions only {count} can be measured: {known or 'none'}"
-    elif len(shares) == 1:
-        yield (f"{next(iter(shares))} changes the readings by no more than its uncertainty, so it cannot be measured")
-    elif len(shares) == 2:
-        yield _of_two(found, *shares.items())
+        count = f"{determination.rank} combination{'s' * (determination.rank != 1)}"
+        yield f"only {count} of the {len(determination.motions)} motions can be measured: {known or 'none'}"
+    elif len(components) == 1:
+        yield (
+            f"{next(iter(components))} changes the readings by no more than their uncertainty: it cannot be measured"
+        )
+    elif len(components) == 2:
+        yield _two_motion_sentence(determination, *components.items())
     else:
         yield (
-            f"{', '.join(shares)} change the readings in the same way: the readings do not change "
-            f"if these move together as {words(lost[0])}, and this combination cannot be measured"
+            f"{', '.join(components)} cannot be determined separately: the readings do not change if they move "
+            f"together as {combination_text(undetermined[0])}, so this combination cannot be measured"
         )
 
 
-def _of_two(found: Determination, one: tuple[str, float], other: tuple[str, float]) -> str:
-    """Return a sentence about two motions of which one combination changes nothing."""
-    (a, share_a), (b, share_b) = (one, other) if abs(one[1]) <= abs(other[1]) else (other, one)
-    weight = -share_a / share_b  # of b; a counts as 1
+def _two_motion_sentence(determination: Determination, first: tuple[str, float], second: tuple[str, float]) -> str:
+    """Return a sentence about two motions of which one combination does not change the readings."""
+    (a, component_a), (b, component_b) = (first, second) if abs(first[1]) <= abs(second[1]) else (second, first)
+    weight = -component_a / component_b  # of b, for a weight of 1 of a
     opposite = weight < 0.0
-    if abs(abs(weight) - 1.0) <= ALIKE:
-        weight, what = math.copysign(1.0, weight), "their difference" if opposite else "their sum"
+    if abs(abs(weight) - 1.0) <= MAX_DIFFERENCE:
+        weight, target = math.copysign(1.0, weight), "their difference" if opposite else "their sum"
     else:
-        what = f"{a} {'-' if opposite else '+'} {abs(weight):.2g} {b}"
-    w = np.array([{a: 1.0, b: weight}.get(name, 0.0) for name in found.motions])
-    sd = math.sqrt(float(w @ found.covariance_deg2 @ w))
-    way = "in opposite ways" if opposite else "in the same way"
-    return f"{a} and {b} change the readings {way}: only {what} can be measured, to ± {sd:.2g}°"
+        target = f"{a} {'-' if opposite else '+'} {abs(weight):.2g} {b}"
+    weights = np.array([{a: 1.0, b: weight}.get(name, 0.0) for name in determination.motions])
+    sd = math.sqrt(float(weights @ determination.covariance_deg2 @ weights))
+    effect = "opposite" if opposite else "the same"
+    return f"{a} and {b} have {effect} effects on the readings: only {target} can be measured, to ± {sd:.2g}°"
 
 
-def words(combination: Combination) -> str:
+def combination_text(combination: Combination) -> str:
     """Format a combination of motions: ``+0.71 index, -0.70 ring``."""
     return ", ".join(f"{share:+.2f} {name}" for name, share in combination.shares.items())

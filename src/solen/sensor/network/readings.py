@@ -1,9 +1,10 @@
 """Values of a network's readings from its powers, with their uncertainties.
 
-The receivers' powers under one emitter come from the same rays, so their errors are correlated to an unknown extent.
-The uncertainty of a reading is therefore the linear sum of its parts, with exact derivatives: an upper bound. If a
-reading is too strongly curved for derivatives, its uncertainty is the change when every power deviates by its
-uncertainty.
+The powers at all receivers from one emitter come from the same rays, so their errors are correlated to an unknown
+extent. The uncertainty of a reading is therefore an upper bound: the linear sum of the contributions of all powers,
+with exact derivatives, or, if that is larger, the change of the reading when every power deviates by its uncertainty.
+
+Public names: `readings_of`, `slopes_of` and `without_value`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,22 +20,22 @@ from solen.spec.reading import Formula
 def readings_of(network: Network, power: FloatArray, u_power: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return values (..., readings) and bounds of their uncertainties for powers (..., emitters, receivers).
 
-    They are NaN if a reading has no value, such as a contrast without light.
+    Both are NaN where a reading has no value, such as a contrast without light.
     """
-    rows = [_reading(formula, places, power, u_power) for formula, places in _places(network)]
+    rows = [_reading(formula, indices, power, u_power) for formula, indices in _formula_indices(network)]
     if not rows:
-        none = np.empty((*power.shape[:-2], 0))
-        return none, none
+        empty = np.empty((*power.shape[:-2], 0))
+        return empty, empty
     values, u = (np.stack(side, axis=-1) for side in zip(*rows, strict=True))
     return values, u
 
 
 def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArray) -> list[str]:
-    """Return warnings about readings (states, readings) that have no value or no uncertainty in some state."""
-    bad = ~(np.isfinite(reading) & np.isfinite(u_reading))
-    counts = zip(names, bad.sum(axis=0).tolist(), strict=True)
+    """Return warnings about readings (states, readings) without a value or an uncertainty in some state."""
+    is_missing = ~(np.isfinite(reading) & np.isfinite(u_reading))
+    counts = zip(names, is_missing.sum(axis=0).tolist(), strict=True)
     return [
-        warning(f"reading {name} has no certain value in {count} of {len(bad)} states")
+        warning(f"reading {name} has no value, or none with an uncertainty, in {count} of {len(is_missing)} states")
         for name, count in counts
         if count
     ]
@@ -42,33 +43,37 @@ def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArr
 
 def slopes_of(network: Network, power: FloatArray) -> FloatArray:
     """Return exact derivatives (readings, emitters, receivers) of all readings with respect to the powers."""
-    found = np.zeros((len(network.formulas), *power.shape))
-    for slope, (formula, places) in zip(found, _places(network), strict=True):
+    slopes = np.zeros((len(network.formulas), *power.shape))
+    for slope, (formula, indices) in zip(slopes, _formula_indices(network), strict=True):
         with np.errstate(all="ignore"):
-            for pair, value in formula.slopes({pair: power[place] for pair, place in places.items()}).items():
-                slope[places[pair]] = value
-    return found
+            for pair, value in formula.slopes({pair: power[index] for pair, index in indices.items()}).items():
+                slope[indices[pair]] = value
+    return slopes
 
 
-def _places(network: Network) -> Iterator[tuple[Formula, dict[tuple[str, str], tuple[int, int]]]]:
-    """Return formulas with the indices of their powers."""
-    emitters, receivers = ([one.name for one in many] for many in (network.emitters, network.receivers))
+def _formula_indices(network: Network) -> Iterator[tuple[Formula, dict[tuple[str, str], tuple[int, int]]]]:
+    """Yield formulas with the array indices of their powers."""
+    emitters, receivers = ([part.name for part in parts] for parts in (network.emitters, network.receivers))
     for formula in network.formulas:
         yield formula, {pair: (emitters.index(pair[0]), receivers.index(pair[1])) for pair in formula.powers}
 
 
 def _reading(
-    formula: Formula, places: Mapping[tuple[str, str], tuple[int, int]], power: FloatArray, u_power: FloatArray
+    formula: Formula, indices: Mapping[tuple[str, str], tuple[int, int]], power: FloatArray, u_power: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return value and uncertainty of one reading."""
-    at, off = ({pair: every[..., *place] for pair, place in places.items()} for every in (power, u_power))
+    """Return the value and the uncertainty of one reading."""
+    powers, uncertainties = (
+        {pair: values[..., *index] for pair, index in indices.items()} for values in (power, u_power)
+    )
     with np.errstate(all="ignore"):
-        value = np.asarray(formula.value(at), dtype=float)
-        slopes = {pair: np.broadcast_to(slope, value.shape) for pair, slope in formula.slopes(at).items()}
-        u = np.sum([np.abs(slope) * off[pair] for pair, slope in slopes.items()], axis=0)
+        value = np.asarray(formula.value(powers), dtype=float)
+        slopes = {pair: np.broadcast_to(slope, value.shape) for pair, slope in formula.slopes(powers).items()}
+        u = np.sum([np.abs(slope) * uncertainties[pair] for pair, slope in slopes.items()], axis=0)
         for sign in (-1.0, 1.0):
-            towards = {pair: np.where(slope < 0.0, -sign, sign) for pair, slope in slopes.items()}
-            moved = {pair: at[pair] + way * off[pair] for pair, way in towards.items()}
-            u = np.fmax(u, np.abs(formula.value(moved) - value))
+            deviated = {
+                pair: powers[pair] + np.where(slope < 0.0, -sign, sign) * uncertainties[pair]
+                for pair, slope in slopes.items()
+            }
+            u = np.fmax(u, np.abs(formula.value(deviated) - value))
     exists = np.isfinite(value)
     return np.where(exists, value, np.nan), np.where(exists & np.isfinite(u), u, np.nan)

@@ -1,9 +1,8 @@
 """Power at every receiver of a network from each emitter, with the emitters lit in turn.
 
-With one emitter lit and the motions at given angles, a network is a sensor like any other. Its response consists of one
-sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
-
-`in_turn` returns these sensors, `network_trace` traces one state, `network_response` several.
+With one emitter lit and the motions at given angles, a network is a sensor like any other: `emitter_sensors` returns
+one sensor per emitter. Powers are fractions of the power of the lit emitter. `network_trace` traces one state,
+`network_response` several.
 """
 
 import math
@@ -27,21 +26,22 @@ from solen.trace.nets import by_nets
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.result import Ledger
 
-USUAL_TOLERANCE = 5e-4
+DEFAULT_TOLERANCE = 5e-4
 """Default uncertainty of a power, as a fraction of the emitted power."""
-ROUGH, RAYS_OF_ONE, MIN_RAYS = 2e-4, 0.03, 2**12
-"""Tolerance from which powers are sampled, which is faster than integration; initial number of rays multiplied by the
-squared tolerance; minimum number of rays.
+MIN_SAMPLED_TOLERANCE, RAYS_AT_UNIT_TOLERANCE, MIN_RAYS = 2e-4, 0.03, 2**12
+"""Tolerance from which powers are sampled, which is faster than integration; product of the initial number of rays and
+the squared tolerance; minimum number of rays.
 """
-OF_NETS = 1.25 * math.sqrt((COPIES - 1) / (COPIES - 3))
-"""Factor from the standard error of a mean of nets to its standard uncertainty. With so few nets the standard error is
-itself uncertain, and the error in units of it follows Student's t (Supplement 1 to the GUM, 6.4.9.4). The standard
-error is also too small, by up to 1.25 over all powers of a network and 40 lattices, if few rays carry the power.
+NET_UNCERTAINTY = 1.25 * math.sqrt((COPIES - 1) / (COPIES - 3))
+"""Ratio of the standard uncertainty of a mean over nets to its standard error. The standard error of so few nets is
+itself uncertain: the error in units of it follows Student's t distribution (GUM Supplement 1, 6.4.9.4). If few rays
+carry the power, the standard error is also too small, by a factor of up to 1.25 for all powers of a network and 40 sets
+of rays.
 """
 
 
 class NetworkResponse(Result):
-    """Powers by state, emitter and receiver.
+    """Powers and readings of a network in several states.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class NetworkResponse(Result):
     power, u_power
         Fractions (states, emitters, receivers) of the power of the lit emitter, and their uncertainties.
     reading, u_reading
-        Values (states, readings) of its readings, NaN if one does not exist, and bounds of their uncertainties.
+        Values (states, readings) of its readings, NaN if undefined, and upper bounds of their uncertainties.
     ledgers
-        Ledger of each emitter, for each state.
+        Power ledger of each emitter, for each state.
     simulated
         Always true.
     """
@@ -73,7 +73,7 @@ class NetworkResponse(Result):
 
 
 class NetworkTrace(NetworkResponse, kw_only=True):
-    """Response of a network in one state: all emitters in turn.
+    """Response of a network in one state, with the emitters lit in turn.
 
     Attributes
     ----------
@@ -82,9 +82,9 @@ class NetworkTrace(NetworkResponse, kw_only=True):
     name
         Name of the design.
     mode, method
-        How rays were followed and chosen.
+        Trace mode and sampling method.
     warnings
-        Warnings, and keys without effect.
+        Warnings about the design, including keys without effect.
     """
 
     sensors: tuple[Sensor, ...] = field(metadata=HIDDEN)
@@ -94,7 +94,7 @@ class NetworkTrace(NetworkResponse, kw_only=True):
     warnings: tuple[str, ...]
 
 
-def in_turn(design: Design) -> tuple[Sensor, ...]:
+def emitter_sensors(design: Design) -> tuple[Sensor, ...]:
     """Return the sensors of a network's emitters, in the order of the design.
 
     Raises
@@ -103,100 +103,109 @@ def in_turn(design: Design) -> tuple[Sensor, ...]:
         If the design is not a network.
     """
     if design.body.kind != "network":
-        limit = "has one emitter; only a network has several emitters to light in turn"
-        raise DesignError("body.kind", value=design.body.kind, limit=limit, remedy='set body.kind = "network"')
+        limit = 'must be "network": other bodies have a single emitter'
+        raise DesignError("body.kind", value=design.body.kind, limit=limit)
     return tuple(Sensor.of(lit(design, emitter.name)) for emitter in design.network.emitters)
 
 
 def network_trace(design: Design, options: TraceOptions = TraceOptions()) -> NetworkTrace:
-    """Trace a network with its motions as in the design and its emitters in turn; raises the errors of `trace_with`."""
-    sensors = in_turn(design)
+    """Trace a network with its motions as in the design, lit by each emitter; raise the errors of `trace_with`."""
+    sensors = emitter_sensors(design)
     traces = [trace_with(sensor.scene(), options, design.trace.mode) for sensor in sensors]
     state = [[motion.at_deg for motion in design.network.motion]]
-    found = _response(sensors, state, [traces])
+    response = _response(sensors, state, [traces])
     return NetworkTrace(
-        **vars(found),
+        **vars(response),
         sensors=sensors,
         name=design.name,
         mode=traces[0].mode,
         method=traces[0].method,
-        warnings=(*warnings_of(sensors, options.mode or design.trace.mode), *unread_in(found)),
+        warnings=(*warnings_of(sensors, options.mode or design.trace.mode), *reading_warnings(response)),
     )
 
 
-def refuse_in_turn(options: Mapping[str, object]) -> None:
-    """Raise `SpecError` for an option that does not apply to a trace of several emitters."""
+def check_single_emitter_options(options: Mapping[str, object]) -> None:
+    """Raise `SpecError` for an option that does not apply to a trace with several emitters in turn."""
     for name, value in options.items():
         if value is not None:
-            moves = name in ("--angle-deg", "--at")
-            limit = f"applies to a single {'motion' if moves else 'emitter'}; a network has several"
-            remedy = "use --set network.motion[0].at_deg=..." if moves else "add --emitter"
+            is_motion = name in ("--angle-deg", "--at")
+            limit = f"applies to a single {'motion' if is_motion else 'emitter'}, and a network has several"
+            remedy = "use --set network.motion[0].at_deg=..." if is_motion else "add --emitter"
             raise SpecError(name, value=None if value is True else str(value), limit=limit, remedy=remedy)
 
 
 def network_response(
     design: Design,
     angles_deg: Sequence[Mapping[str, float]],
-    tolerance: float = USUAL_TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
     progress: Progress | None = None,
     *,
     built: Callable[[Sensor], Sensor] | None = None,
     lattice: int = 0,
 ) -> NetworkResponse:
-    """Return the response of a network in power over states, each given by the angles of its motions by name.
+    """Return the response in power of a network in several states of its motions.
 
     Parameters
     ----------
     design
         The network.
     angles_deg
-        For each state, the angles in degrees of the named motions; the others are as in the design.
+        For each state, the angles of motions in degrees, keyed by name; the other motions are as in the design.
     tolerance
         Largest uncertainty of a power, as in `Sensor.power`.
     progress
         Function called with the completed fraction, up to 1.
     built
-        Function that converts a sensor to the one that is traced, for example with deviations of the built part.
+        Function from each sensor to the sensor traced in its place, for example with deviations of the built part.
     lattice
-        Number of the rays' lattice, which selects other rays.
+        Seed of the rays.
 
     Raises
     ------
     SpecError
-        If the network does not have a motion, or an angle is beyond its range.
+        If the network does not have a named motion, or an angle is outside the motion's range.
     DesignError
         If the body cannot be built in a state.
     """
-    moved = [state_of(design, state) for state in angles_deg]
-    return response_of(moved, tolerance, progress, built=built, lattice=lattice)
+    designs = [state_of(design, state) for state in angles_deg]
+    return response_of(designs, tolerance, progress, built=built, lattice=lattice)
 
 
 def response_of(
     designs: Sequence[Design],
-    tolerance: float = USUAL_TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
     progress: Progress | None = None,
     *,
     built: Callable[[Sensor], Sensor] | None = None,
     lattice: int = 0,
 ) -> NetworkResponse:
-    """Return the response of designs with the same motions, emitters and receivers, at rest; see `network_response`."""
+    """Return the response of designs with the same motions, emitters and receivers, one state for each design.
 
-    def traced(each: Design) -> list[Trace]:
-        sensors = in_turn(each) if built is None else map(built, in_turn(each))
+    The motions are at the ``at_deg`` of each design; see `network_response`.
+    """
+
+    def traced(design: Design) -> list[Trace]:
+        sensors = emitter_sensors(design) if built is None else map(built, emitter_sensors(design))
         return [_traced(sensor, tolerance, lattice) for sensor in sensors]
 
     rows = on_threads(traced, designs, progress)
-    return _response(in_turn(designs[0]), [[motion.at_deg for motion in each.network.motion] for each in designs], rows)
+    angles_deg = [[motion.at_deg for motion in design.network.motion] for design in designs]
+    return _response(emitter_sensors(designs[0]), angles_deg, rows)
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
-    """Trace the powers from one emitter: sampled if the tolerance is large or integration fails, else integrated."""
-    if tolerance < ROUGH:
+    """Trace the powers from one emitter: sampled if the tolerance is large, otherwise as by `Sensor.reading`."""
+    if tolerance < MIN_SAMPLED_TOLERANCE:
         return sensor.reading(tolerance=tolerance)[0]
-    first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), MIN_RAYS)
-    scene = sensor.scene()
+    first_rays = max(2 ** round(math.log2(RAYS_AT_UNIT_TOLERANCE / tolerance**2)), MIN_RAYS)
     return by_nets(
-        scene, tolerance / OF_NETS, "roulette", most_rays=MAX_SAMPLED, threads=1, first_rays=first, seed=lattice
+        sensor.scene(),
+        tolerance / NET_UNCERTAINTY,
+        "roulette",
+        most_rays=MAX_SAMPLED,
+        threads=1,
+        first_rays=first_rays,
+        seed=lattice,
     )
 
 
@@ -209,7 +218,7 @@ def _response(
     network = sensors[0].design.network
     motions = tuple(motion.name for motion in network.motion)
     power = np.array([(*row.power_by_source, row.power)[0] for row in detected]).reshape(shape)
-    factors = [[OF_NETS if trace.method == "sobol" else 1.0 for trace in row] for row in traces]
+    factors = [[NET_UNCERTAINTY if trace.method == "sobol" else 1.0 for trace in row] for row in traces]
     u_power = np.array([row.u_power for row in detected]).reshape(shape) * np.array(factors)[..., None]
     reading, u_reading = readings_of(network, power, u_power)
     return NetworkResponse(
@@ -226,8 +235,8 @@ def _response(
     )
 
 
-def unread_in(response: NetworkResponse) -> list[str]:
-    """Return warnings about readings that have no certain value in some state of a response."""
+def reading_warnings(response: NetworkResponse) -> list[str]:
+    """Return warnings about readings without a value or an uncertainty in some state of a response."""
     return without_value(response.readings, response.reading, response.u_reading)
 
 
@@ -237,6 +246,6 @@ def receivers_of(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 
 def warnings_of(sensors: Sequence[Sensor], mode: Mode | None = None) -> tuple[str, ...]:
-    """Return warnings about all emitters' sensors, without duplicates."""
+    """Return the warnings about the sensors of all emitters, without duplicates."""
     rows = (text for sensor in sensors for text in (*sensor.warnings, *keys_without_effect(sensor, mode)))
     return tuple(dict.fromkeys(rows))

@@ -1,8 +1,8 @@
 """Voltages at the receivers of a network with each emitter lit in turn, and the noise of every reading.
 
 A reading is the voltage with one emitter on, minus the mean of the voltages with all emitters off before and after it.
-Since an off phase follows every emitter's turn, two consecutive emitters share one. Their readings at the same receiver
-are therefore correlated.
+An off phase follows every emitter's on phase, so that two consecutive emitters share an off phase, and their readings
+at the same receiver are correlated.
 
 Public names: `circuits_of` and `network_signals`.
 """
@@ -16,14 +16,12 @@ from solen.readout import Circuit, circuit_of, face_areas_mm2, noise, volts
 from solen.readout.readings import difference_sd_V
 from solen.results import Result
 from solen.sensor.acceptance import Acceptance
-from solen.sensor.network.response import in_turn
+from solen.sensor.network.response import emitter_sensors
 from solen.sensor.readings import angle_rays
 from solen.spec import Design
 
-SHARED_OFF = 0.25
-"""Covariance of two emitters' readings that share an off reading, in units of the squared off noise: each contains
-half of it.
-"""
+SHARED_OFF_COVARIANCE = 0.25
+"""Covariance of two emitters' readings that share an off reading, each with a weight of ½, over the off variance."""
 
 
 class Signals(Result):
@@ -36,7 +34,7 @@ class Signals(Result):
     received
         Fractions (states, emitters, receivers) of the emitted power that receivers convert to current.
     voltage_V, u_voltage_V, off_V
-        Voltages (states, emitters, receivers) with an emitter on and their uncertainty due to the traced powers; and
+        Voltages (states, emitters, receivers) with an emitter on, their uncertainty due to the traced powers, and
         voltages (receivers,) with all emitters off.
     sd_V
         Noise (states, emitters, receivers) of a reading: on, minus the mean of the off readings before and after.
@@ -57,29 +55,33 @@ class Signals(Result):
     slope_V: FloatArray
 
     def covariance_V2(self, state: int = 0) -> FloatArray:
-        """Return the covariance (emitters·receivers, emitters·receivers) of the readings in one state, in V²."""
+        """Return the covariance (emitters·receivers, emitters·receivers) of the readings in a state, in V²."""
         sd = self.sd_V[state]
         count, receivers = sd.shape
-        found = np.diag(sd.ravel() ** 2)
+        covariance = np.diag(sd.ravel() ** 2)
         first = np.arange((count - 1) * receivers)
-        shared = SHARED_OFF * np.tile(self.sd_off_V**2, count - 1)
-        found[first, first + receivers] = found[first + receivers, first] = shared
-        return found
+        shared = SHARED_OFF_COVARIANCE * np.tile(self.sd_off_V**2, count - 1)
+        covariance[first, first + receivers] = covariance[first + receivers, first] = shared
+        return covariance
 
 
 def circuits_of(design: Design) -> tuple[Circuit, ...]:
-    """Return each emitter's circuit with typical parts; raises the errors of `solen.readout.circuit_of`."""
-    sensors = in_turn(design)
-    areas = face_areas_mm2(design, sensors[0].body())
-    named = {receiver.name: areas[receiver.name] for receiver in design.network.receivers}
-    return tuple(circuit_of(sensor.design, named) for sensor in sensors)
+    """Return each emitter's circuit with typical parts; raise the errors of `solen.readout.circuit_of`."""
+    sensors = emitter_sensors(design)
+    face_areas = face_areas_mm2(design, sensors[0].body())
+    areas = {receiver.name: face_areas[receiver.name] for receiver in design.network.receivers}
+    return tuple(circuit_of(sensor.design, areas) for sensor in sensors)
 
 
 def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
-    """Return fractions (states, emitters, receivers) converted to current, from powers of designs at rest."""
+    """Return the fractions (states, emitters, receivers) of the power that are converted to current.
+
+    ``designs`` are the network in each state, with the motions at their ``at_deg``, and ``power`` is the power through
+    the receivers' faces.
+    """
     power = np.maximum(power, 0.0)
     names = [receiver.name for receiver in designs[0].network.receivers]
-    sensors = [in_turn(design) for design in designs]
+    sensors = [emitter_sensors(design) for design in designs]
     if all(Acceptance.of(sensor).is_flat for sensor in sensors[0]):
         return power
     rows = [
@@ -90,7 +92,7 @@ def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
 
 
 def network_signals(designs: Sequence[Design], power: FloatArray, u_power: FloatArray) -> Signals:
-    """Return voltages and noise of a network in several states.
+    """Return the voltages and the noise of a network in several states.
 
     Parameters
     ----------
@@ -105,20 +107,21 @@ def network_signals(designs: Sequence[Design], power: FloatArray, u_power: Float
         If a part of the circuit is not found, or is of another kind.
     """
     circuits, received = circuits_of(designs[0]), received_by(designs, power)
-    stated = designs[0].readout
-    ambient, warm = stated.ambient_mw_cm2, stated.temperature_c
-    each = [(circuit, received[:, i]) for i, circuit in enumerate(circuits)]
+    readout = designs[0].readout
+    light = (readout.ambient_mw_cm2, readout.temperature_c)
+    pairs = [(circuit, received[:, i]) for i, circuit in enumerate(circuits)]
     dark = np.zeros(len(circuits[0].names))
-    slope = np.stack([one.slope_V(shares, ambient, warm) for one, shares in each], axis=1)
-    sd_off = noise(circuits[0], dark, ambient, warm).reading_V
+    slope = np.stack([circuit.slope_V(fractions, *light) for circuit, fractions in pairs], axis=1)
+    sd_on = np.stack([noise(circuit, fractions, *light).reading_V for circuit, fractions in pairs], axis=1)
+    sd_off = noise(circuits[0], dark, *light).reading_V
     return Signals(
         emitters=tuple(emitter.name for emitter in designs[0].network.emitters),
         receivers=circuits[0].names,
         received=received,
-        voltage_V=np.stack([volts(shares, one, ambient, warm) for one, shares in each], axis=1),
+        voltage_V=np.stack([volts(fractions, circuit, *light) for circuit, fractions in pairs], axis=1),
         u_voltage_V=u_power * np.abs(slope),
-        off_V=volts(dark, circuits[0], ambient, warm),
-        sd_V=difference_sd_V(np.stack([noise(*one, ambient, warm).reading_V for one in each], axis=1), sd_off),
+        off_V=volts(dark, circuits[0], *light),
+        sd_V=difference_sd_V(sd_on, sd_off),
         sd_off_V=sd_off,
         slope_V=slope,
     )

@@ -9,7 +9,13 @@ import numpy as np
 from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.network.check import NetworkCheck, network_check
-from solen.sensor.network.response import USUAL_TOLERANCE, NetworkResponse, in_turn, network_response, unread_in
+from solen.sensor.network.response import (
+    DEFAULT_TOLERANCE,
+    NetworkResponse,
+    emitter_sensors,
+    network_response,
+    reading_warnings,
+)
 from solen.sensor.sensor import Sensor
 from solen.spec import Design
 from solen.spec.network import Network
@@ -25,9 +31,9 @@ class NetworkStudy(Result):
     check
         Its check.
     at_rest
-        Its response with all motions at rest.
+        Response with all motions at rest.
     sweeps
-        Its response over the range of each motion, by the motion's name.
+        Response over the range of each motion, keyed by the motion's name.
     warnings
         Reasons for uncertainty.
     simulated
@@ -48,48 +54,50 @@ class NetworkStudy(Result):
         return self.design.name
 
 
-def network_study(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkStudy:
+def network_study(
+    design: Design, progress: Progress | None = None, tolerance: float = DEFAULT_TOLERANCE
+) -> NetworkStudy:
     """Return the response of a network at rest and over the range of each of its motions; see `network_response`."""
-    check, sensors = network_check(design), in_turn(design)
-    every, places = courses(design.network)
-    whole = network_response(design, every, tolerance, progress)
-    sweeps = {name: _part(whole, part) for name, part in places.items()}
+    check, sensors = network_check(design), emitter_sensors(design)
+    states, indices = motion_states(design.network)
+    response = network_response(design, states, tolerance, progress)
+    sweeps = {name: _subset(response, part) for name, part in indices.items()}
     return NetworkStudy(
         sensors=sensors,
         design=design,
         check=check,
-        at_rest=_part(whole, [0]),
+        at_rest=_subset(response, [0]),
         sweeps=sweeps,
-        warnings=(*check.warnings, *_rough(whole, design), *unread_in(whole)),
+        warnings=(*check.warnings, *_uncertainty_warnings(response, design), *reading_warnings(response)),
     )
 
 
-def courses(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]]]:
-    """Return the states of each motion over its range, rest first, and their indices by motion."""
-    every: list[dict[str, float]] = [{}]
-    places: dict[str, list[int]] = {}
+def motion_states(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]]]:
+    """Return the states of all motions over their ranges, rest first, and their indices, keyed by motion."""
+    states: list[dict[str, float]] = [{}]
+    indices: dict[str, list[int]] = {}
     for motion in network.motion:
         angles = motion.angles_deg()
-        moved = [angle for angle in angles if angle != motion.at_deg]
-        own = {angle: len(every) + place for place, angle in enumerate(moved)}
-        every += [{motion.name: angle} for angle in moved]
-        places[motion.name] = [own.get(angle, 0) for angle in angles]
-    return every, places
+        moving = [angle for angle in angles if angle != motion.at_deg]
+        position = {angle: len(states) + index for index, angle in enumerate(moving)}
+        states += [{motion.name: angle} for angle in moving]
+        indices[motion.name] = [position.get(angle, 0) for angle in angles]
+    return states, indices
 
 
-def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
-    """Return a response for a subset of its states."""
-    own = ("angle_deg", "power", "u_power", "reading", "u_reading")
+def _subset(response: NetworkResponse, indices: Sequence[int]) -> NetworkResponse:
+    """Return a response in a subset of its states."""
+    arrays = ("angle_deg", "power", "u_power", "reading", "u_reading")
     return replace(
-        whole,
-        ledgers=tuple(whole.ledgers[place] for place in places),
-        **{name: getattr(whole, name)[list(places)] for name in own},
+        response,
+        ledgers=tuple(response.ledgers[index] for index in indices),
+        **{name: getattr(response, name)[list(indices)] for name in arrays},
     )
 
 
-def _rough(response: NetworkResponse, design: Design) -> list[str]:
-    """Return a warning if a power is less certain than expected from sampling."""
+def _uncertainty_warnings(response: NetworkResponse, design: Design) -> list[str]:
+    """Return a warning if the uncertainty of a power exceeds the default tolerance."""
     worst = float(np.nanmax(response.u_power, initial=0.0))
-    if math.isnan(worst) or worst <= USUAL_TOLERANCE:
+    if math.isnan(worst) or worst <= DEFAULT_TOLERANCE:
         return []
     return [f"the powers of {design.name} have uncertainties of up to {worst:.1e} of the emitted power"]

@@ -1,7 +1,9 @@
-"""Voltages of a network over the range of each of its motions, with noise, resolution and recommended load resistors.
+"""Voltages of a network over the range of each of its motions, with noise, resolution and load advice.
 
-The other motions are at rest and assumed to be known; `solen.sensor.network.motions` evaluates the case that all
-motions are unknown. A slope that does not exceed the uncertainty of the simulated light gives no resolution.
+The other motions are at rest and assumed to be known; `solen.sensor.network.motions` covers the case that all motions
+are unknown. If the slope does not exceed the uncertainty of the simulated light, there is no resolution.
+
+Public names: `network_volts`, `NetworkVolts` and `MotionVolts`.
 """
 
 from collections.abc import Iterator
@@ -15,13 +17,19 @@ from solen.readout import advise
 from solen.readout.advice import Advice, slopes_V_per_deg
 from solen.readout.cautions import cautions
 from solen.readout.circuit import Circuit, trimmer_part
-from solen.readout.readings import coarse_steps
+from solen.readout.readings import coarse_step_warnings
 from solen.recording import Provenance
 from solen.results import Result, reported
-from solen.sensor.network.motions import SURE
-from solen.sensor.network.response import USUAL_TOLERANCE, NetworkResponse, in_turn, network_response, warnings_of
+from solen.sensor.network.motions import MIN_SIGNIFICANCE
+from solen.sensor.network.response import (
+    DEFAULT_TOLERANCE,
+    NetworkResponse,
+    emitter_sensors,
+    network_response,
+    warnings_of,
+)
 from solen.sensor.network.signals import Signals, circuits_of, network_signals
-from solen.sensor.network.study import courses
+from solen.sensor.network.study import motion_states
 from solen.sensor.readings import PartUsed, parts_used
 from solen.spec import Design
 from solen.spec.placed import state_of
@@ -33,7 +41,7 @@ class MotionVolts(Result):
     Attributes
     ----------
     angle_deg
-        Angles (A,), ascending.
+        Angles (A,) in ascending order.
     signals
         Voltages and their noise (A, E, R).
     slope_V_per_deg, u_slope_V_per_deg
@@ -59,17 +67,17 @@ class NetworkVolts(Result):
     name
         Name of the design.
     circuits
-        Circuit of each emitter, with typical parts; the emitters' names are those of ``at_rest``.
+        Circuit of each emitter, with typical parts, in the order of the emitters of ``at_rest``.
     at_rest
         Voltages and noise with the motions at rest, as one state.
     by_motion
-        Voltages and noise over each motion, by its name.
+        Voltages and noise over each motion, keyed by its name.
     advice
-        Advice on the loads, from all states.
+        Advice on the load, from all states.
     temperature_C, ambient_mW_per_cm2
         Temperature and irradiance around the sensor.
     parts
-        Components of the circuit.
+        Parts of the circuit.
     warnings
         Warnings about the numbers.
     simulated
@@ -93,70 +101,75 @@ class NetworkVolts(Result):
     @reported
     def range_V(self) -> tuple[float, float]:
         """Lowest and highest voltage over all states, with typical parts."""
-        every = [self.at_rest.voltage_V, *(one.signals.voltage_V for one in self.by_motion.values())]
-        return min(float(one.min()) for one in every), max(float(one.max()) for one in every)
+        states = [self.at_rest, *(motion.signals for motion in self.by_motion.values())]
+        lows, highs = zip(*((signals.voltage_V.min(), signals.voltage_V.max()) for signals in states), strict=True)
+        return float(min(lows)), float(max(highs))
 
 
-def network_volts(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkVolts:
-    """Return voltages of a network over its motions; raises the errors of `network_response` and `circuits_of`."""
-    sensors, circuits = in_turn(design), circuits_of(design)
-    states, places = courses(design.network)
+def network_volts(
+    design: Design, progress: Progress | None = None, tolerance: float = DEFAULT_TOLERANCE
+) -> NetworkVolts:
+    """Return the voltages of a network over its motions; raise the errors of `network_response` and `circuits_of`."""
+    sensors, circuits = emitter_sensors(design), circuits_of(design)
+    states, indices_of = motion_states(design.network)
     response = network_response(design, states, tolerance, progress)
-    every = network_signals([state_of(design, state) for state in states], response.power, response.u_power)
-    by_motion = {name: _over(name, _of(every, where), response, where) for name, where in places.items()}
+    signals = network_signals([state_of(design, state) for state in states], response.power, response.u_power)
+    by_motion = {
+        name: _motion_volts(name, _subset(signals, indices), response, indices) for name, indices in indices_of.items()
+    }
     advice = advise(
         circuits[0],
-        _as_by_first(circuits, every.received),
+        _as_first_emitter(circuits, signals.received),
         trimmer_part(design),
         design.readout.ambient_mw_cm2,
         design.readout.temperature_c,
     )
-    in_space, dark_V = design.trace.dimension == "extruded", float(every.off_V.max())
-    reasons = [
+    in_space, dark_V = design.trace.dimension == "extruded", float(signals.off_V.max())
+    circuit_cautions = [
         text
         for sensor, circuit in zip(sensors, circuits, strict=True)
         for text in cautions(
             circuit, advice, sensor.light.wavelength_nm, dark_V, in_space=in_space, emitters=len(circuits)
         )
     ]
-    coarse = [f"{name}: {text}" for name, one in by_motion.items() for text in _coarse(one)]
+    coarse = [f"{name}: {text}" for name, motion in by_motion.items() for text in _coarse_step_warnings(motion)]
     return NetworkVolts(
         name=design.name,
         circuits=circuits,
-        at_rest=_of(every, [0]),
+        at_rest=_subset(signals, [0]),
         by_motion=by_motion,
         advice=advice,
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
         parts=parts_used(*(sensor.design for sensor in sensors)),
-        warnings=tuple(dict.fromkeys((*warnings_of(sensors, "power"), *reasons, *coarse))),
+        warnings=tuple(dict.fromkeys((*warnings_of(sensors, "power"), *circuit_cautions, *coarse))),
     )
 
 
-def _over(name: str, signals: Signals, response: NetworkResponse, places: list[int]) -> MotionVolts:
-    """Return voltages over one motion, with the resolution of that motion."""
-    angle = response.angle_deg[places, response.motions.index(name)]
-    differences = slopes_V_per_deg(angle, np.eye(len(angle)))  # slopes are linear in the voltages
+def _motion_volts(name: str, signals: Signals, response: NetworkResponse, indices: list[int]) -> MotionVolts:
+    """Return the voltages over one motion, with the resolution of that motion."""
+    angle = response.angle_deg[indices, response.motions.index(name)]
+    differences = slopes_V_per_deg(angle, np.eye(len(angle)))  # the slopes are linear in the voltages
     slope = np.tensordot(differences, signals.voltage_V, 1)
     u_slope = np.sqrt(np.tensordot(differences**2, signals.u_voltage_V**2, 1))
     shape = (len(angle), -1)
-    each = [_resolution_deg(slope[:, i], u_slope[:, i], _inverses(signals, i)) for i in range(slope.shape[1])]
+    resolutions = [_resolution_deg(slope[:, i], u_slope[:, i], _inverses(signals, i)) for i in range(slope.shape[1])]
     return MotionVolts(
         angle_deg=angle,
         signals=signals,
         slope_V_per_deg=slope,
         u_slope_V_per_deg=u_slope,
-        resolution_deg=np.stack(each, axis=1),
+        resolution_deg=np.stack(resolutions, axis=1),
         resolution_of_all_deg=_resolution_deg(slope.reshape(shape), u_slope.reshape(shape), _inverses(signals)),
     )
 
 
 def _inverses(signals: Signals, emitter: int | None = None) -> FloatArray:
-    """Return inverse covariances (A, N, N) of the readings of one emitter, or of all."""
+    """Return the inverse covariances (A, N, N) of the readings of one emitter, by default of all."""
     covariances = np.array([signals.covariance_V2(state) for state in range(len(signals.sd_V))])
     if emitter is not None:
-        own = slice(emitter * len(signals.receivers), (emitter + 1) * len(signals.receivers))
-        covariances = covariances[:, own, own]
+        rows = slice(emitter * len(signals.receivers), (emitter + 1) * len(signals.receivers))
+        covariances = covariances[:, rows, rows]
     return np.asarray(np.linalg.inv(covariances))
 
 
@@ -164,22 +177,22 @@ def _resolution_deg(slope: FloatArray, u_slope: FloatArray, inverse: FloatArray)
     """Return the standard deviation (A,) of an angle from readings (A, N) with an inverse covariance (A, N, N)."""
     information = np.einsum("an,anm,am->a", slope, inverse, slope)
     u_squared = np.einsum("an,ann->a", u_slope**2, inverse)
-    known = information > SURE**2 * u_squared
-    return np.where(known, 1.0 / np.sqrt(np.where(known, information, 1.0)), np.nan)
+    is_known = information > MIN_SIGNIFICANCE**2 * u_squared
+    return np.where(is_known, 1.0 / np.sqrt(np.where(is_known, information, 1.0)), np.nan)
 
 
-def _of(signals: Signals, places: list[int]) -> Signals:
-    """Return signals for a subset of their states."""
-    own = ("received", "voltage_V", "u_voltage_V", "sd_V", "slope_V")
-    return replace(signals, **{name: getattr(signals, name)[places] for name in own})
+def _subset(signals: Signals, indices: list[int]) -> Signals:
+    """Return signals in a subset of their states."""
+    arrays = ("received", "voltage_V", "u_voltage_V", "sd_V", "slope_V")
+    return replace(signals, **{name: getattr(signals, name)[indices] for name in arrays})
 
 
-def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
-    """Return fractions (states·emitters, receivers) of the first emitter's power equal to those of each emitter."""
-    brightness = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
-    return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
+def _as_first_emitter(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
+    """Return all received powers (states·emitters, receivers) as fractions of the first emitter's power."""
+    relative_power = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
+    return np.asarray((received * relative_power[:, None]).reshape(-1, received.shape[-1]))
 
 
-def _coarse(one: MotionVolts) -> Iterator[str]:
-    volts = one.signals.voltage_V.reshape(len(one.angle_deg), -1)
-    return coarse_steps(one.angle_deg, volts, "use more steps for the motion")
+def _coarse_step_warnings(motion: MotionVolts) -> Iterator[str]:
+    volts = motion.signals.voltage_V.reshape(len(motion.angle_deg), -1)
+    return coarse_step_warnings(motion.angle_deg, volts, "use more steps for the motion")
