@@ -1,4 +1,4 @@
-"""Simulated micrographs and height maps of coupons, made from areas: not the inverse of what measures them."""
+"""Simulated micrographs and height maps of coupons, rendered from areas and independently of the measurement."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ CORNERS = 360
 
 
 def circle(x: float, y: float, radius: float) -> shapely.Polygon:
-    """Polygon of the same area as the circle."""
+    """Return a polygon with the area of the circle."""
     turn = 2 * np.pi / CORNERS
     grown = radius * np.sqrt(turn / np.sin(turn))
     angle = turn * np.arange(CORNERS)
@@ -24,22 +24,25 @@ def circle(x: float, y: float, radius: float) -> shapely.Polygon:
 
 @dataclass(frozen=True)
 class Print:
-    """What came out of the printer: sizes, what is missing, what has merged."""
+    """A printed coupon: its sizes, and which features are missing or merged."""
 
     coupon: Coupon
-    size_mm: Callable[[Feature], float] = lambda one: one.diameter_mm
-    height_mm: Callable[[Feature], float] = lambda one: one.height_mm
+    size_mm: Callable[[Feature], float] = lambda feature: feature.diameter_mm
+    height_mm: Callable[[Feature], float] = lambda feature: feature.height_mm
     missing: frozenset[str] = frozenset()
     merged: frozenset[str] = frozenset()
     stretch: float = 1.0
 
-    def shape(self, one: Feature) -> shapely.Polygon:
-        """A feature as it was printed, mm."""
-        x, y = self.stretch * one.x_mm, self.stretch * one.y_mm
-        if one.round:
-            return circle(x, y, 0.5 * self.size_mm(one))
+    def shape(self, feature: Feature) -> shapely.Polygon:
+        """Return a feature as printed, mm."""
+        x, y = self.stretch * feature.x_mm, self.stretch * feature.y_mm
+        if feature.round:
+            return circle(x, y, 0.5 * self.size_mm(feature))
         return shapely.box(
-            x - 0.5 * one.width_mm, y - 0.5 * one.depth_mm, x + 0.5 * one.width_mm, y + 0.5 * one.depth_mm
+            x - 0.5 * feature.width_mm,
+            y - 0.5 * feature.depth_mm,
+            x + 0.5 * feature.width_mm,
+            y + 0.5 * feature.depth_mm,
         )
 
     @property
@@ -51,23 +54,24 @@ class Print:
         return shapely.Polygon([(-x, -y), (x, -y), (x, y - bevel), (x - bevel, y), (-x, y)])
 
     def raised(self) -> shapely.Geometry:
-        """All that stands on the slab, merged pairs joined by a bridge."""
-        parts = [self.shape(one) for one in self.coupon.features if one.kind != "hole" and one.name not in self.missing]
+        """Return everything that stands on the slab, with merged pairs joined by a bridge."""
+        features = [feature for feature in self.coupon.features if feature.kind != "hole"]
+        parts = [self.shape(feature) for feature in features if feature.name not in self.missing]
         for gap in self.coupon.gaps:
             if gap.name in self.merged:
-                one, other = (self.coupon.feature(name) for name in gap.between)
-                way = shapely.LineString([(one.x_mm, one.y_mm), (other.x_mm, other.y_mm)])
-                parts.append(way.buffer(0.35 * one.diameter_mm))
+                left, right = (self.coupon.feature(name) for name in gap.between)
+                bridge = shapely.LineString([(left.x_mm, left.y_mm), (right.x_mm, right.y_mm)])
+                parts.append(bridge.buffer(0.35 * left.diameter_mm))
         return shapely.union_all(parts)
 
     def holes(self) -> list[shapely.Polygon]:
-        """Holes that are open."""
-        return [self.shape(one) for one in self.coupon.of_kind("hole") if one.name not in self.missing]
+        """Return the open holes."""
+        return [self.shape(hole) for hole in self.coupon.of_kind("hole") if hole.name not in self.missing]
 
 
 @dataclass(frozen=True)
 class Camera:
-    """How the print lies under the microscope, and what the microscope makes of it."""
+    """Pose of the print under a microscope, and the properties of the microscope's images."""
 
     um_per_px: float = 5.0
     angle_deg: float = 0.0
@@ -80,7 +84,7 @@ class Camera:
     levels: Mapping[str, float] = field(default_factory=lambda: {"outside": 0.12, "slab": 0.35, "raised": 0.75})
 
     def frame(self, coupon: Coupon) -> tuple[tuple[int, int], tuple[float, float]]:
-        """Rows and columns of the image, and where the coupon's middle lies in it."""
+        """Return the shape of the image, and the position of the coupon's centre in it."""
         width, depth, _ = coupon.size_mm
         angle = np.radians(self.angle_deg)
         wide = abs(width * np.cos(angle)) + abs(depth * np.sin(angle)) + 1.0
@@ -89,21 +93,22 @@ class Camera:
         return shape, self.at_px or (0.5 * shape[1] + 0.3, 0.5 * shape[0] - 0.4)
 
     def cover(self, area: shapely.Geometry, coupon: Coupon) -> FloatArray:
-        """Share of each pixel that an area covers."""
+        """Return the fraction of each pixel that an area covers."""
         shape, (u, v) = self.frame(coupon)
         turn = np.exp(1j * np.radians(self.angle_deg))
 
         def px(ring: shapely.LinearRing) -> FloatArray:
             x, y = np.asarray(ring.coords).T
-            place = 1e3 / self.um_per_px * turn * ((-x if self.mirrored else x) + 1j * y)
-            return np.column_stack([u + place.real, v - place.imag])
+            position = 1e3 / self.um_per_px * turn * ((-x if self.mirrored else x) + 1j * y)
+            return np.column_stack([u + position.real, v - position.imag])
 
-        polygons = [shapely.geometry.polygon.orient(one) for one in getattr(area, "geoms", [area]) if not one.is_empty]
-        rings = [px(ring) for one in polygons for ring in (one.exterior, *one.interiors)]
+        parts = [part for part in getattr(area, "geoms", [area]) if not part.is_empty]
+        polygons = [shapely.geometry.polygon.orient(part) for part in parts]
+        rings = [px(ring) for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
         return coverage(rings, shape)
 
     def image(self, printed: Print, seed: int = 0) -> FloatArray:
-        """Grey values (rows, columns)."""
+        """Return the grey values (rows, columns)."""
         rng = np.random.default_rng(seed)
         coupon, levels = printed.coupon, self.levels
         slab = self.cover(shapely.difference(printed.slab, shapely.union_all(printed.holes())), coupon)
@@ -116,18 +121,18 @@ class Camera:
         return np.asarray(np.rint(255.0 * np.clip(image, 0.0, 1.0)) / 255.0)
 
     def height_map(
-        self, printed: Print, *, rough_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0
+        self, printed: Print, *, roughness_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0
     ) -> FloatArray:
-        """Heights in mm (rows, columns) over the plate, tilted, with the roughness of pixels and of larger patches."""
+        """Return heights in mm (rows, columns) above the plate, tilted and rough on small and larger scales."""
         rng = np.random.default_rng(seed)
         coupon = printed.coupon
         assert coupon.slab is not None
         z = coupon.slab.thickness_mm * self.cover(printed.slab, coupon)
-        for one in coupon.features:
-            if one.kind in {"pillar", "mark"} and one.name not in printed.missing:
-                z = z + printed.height_mm(one) * self.cover(printed.shape(one), coupon)
+        for feature in coupon.features:
+            if feature.kind in {"pillar", "mark"} and feature.name not in printed.missing:
+                z = z + printed.height_mm(feature) * self.cover(printed.shape(feature), coupon)
         z = gaussian(0.7)(z, 1)
         patches = gaussian(4.0)(rng.standard_normal(z.shape), 1)
         texture = 0.5 * patches / patches.std() + rng.standard_normal(z.shape)
         columns = np.arange(z.shape[1]) * self.um_per_px * 1e-3
-        return np.asarray(z + 1e-3 * rough_um * texture + 1e-3 * tilt_um_per_mm * columns)
+        return np.asarray(z + 1e-3 * roughness_um * texture + 1e-3 * tilt_um_per_mm * columns)

@@ -1,4 +1,4 @@
-"""Image files that lie about themselves or were damaged, made byte by byte."""
+"""Image files that are damaged or have wrong headers, assembled byte by byte."""
 
 import struct
 import zlib
@@ -10,7 +10,7 @@ from tests.metrology.render.camera import jpeg, ome_tiff, png, tiff
 
 
 def small_levels(seed: int = 0) -> np.ndarray:
-    """A bright square on a dark ground, with noise, 48 by 64 px."""
+    """Return a bright square on a dark background, with noise, 48 by 64 px."""
     levels = np.full((48, 64), 60.0)
     levels[12:36, 16:48] = 190.0
     return np.asarray(np.clip(levels + np.random.default_rng(seed).normal(0, 4, levels.shape), 0, 255).astype(np.uint8))
@@ -21,7 +21,7 @@ def _chunk(name: bytes, content: bytes) -> bytes:
 
 
 def png_claiming(columns: int, rows: int, bits: int = 8, colour: int = 0) -> bytes:
-    """A PNG whose header claims a size, and which holds next to nothing; every checksum is right."""
+    """Return a PNG whose header claims a size that its data do not have; all checksums are correct."""
     header = struct.pack(">IIBBBBB", columns, rows, bits, colour, 0, 0, 0)
     scale = _chunk(b"pHYs", struct.pack(">IIB", 500_000, 500_000, 1))
     content = zlib.compress(b"\0" * 1000)
@@ -29,20 +29,20 @@ def png_claiming(columns: int, rows: int, bits: int = 8, colour: int = 0) -> byt
 
 
 def tiff_claiming(columns: int, rows: int, samples: int = 1, bits: int = 8, big: bool = False) -> bytes:
-    """A TIFF of one strip whose tags claim a size; ``big`` writes it with the most significant byte first."""
+    """Return a TIFF of one strip whose tags claim a size; ``big`` selects big-endian byte order."""
     order = ">" if big else "<"
     tags = [(256, 4, columns), (257, 4, rows), (258, 3, bits), (259, 3, 1), (262, 3, 1), (273, 4, 8), (277, 3, samples)]
     tags += [(278, 4, rows), (279, 4, 8)]
-    head = (b"MM\0*" if big else b"II*\0") + struct.pack(order + "I", 16) + b"\0" * 8
+    header = (b"MM\0*" if big else b"II*\0") + struct.pack(order + "I", 16) + b"\0" * 8
     entries = b""
     for tag, kind, value in tags:
         packed = struct.pack(order + ("HH" if kind == 3 else "I"), *((value, 0) if kind == 3 else (value,)))
         entries += struct.pack(order + "HHI", tag, kind, 1) + packed
-    return head + struct.pack(order + "H", len(tags)) + entries + struct.pack(order + "I", 0)
+    return header + struct.pack(order + "H", len(tags)) + entries + struct.pack(order + "I", 0)
 
 
 def jpeg_claiming(columns: int, rows: int) -> bytes:
-    """A JPEG of small content whose frame header claims another size."""
+    """Return a small JPEG whose frame header claims another size."""
     data = bytearray(jpeg(small_levels()))
     frame = data.index(b"\xff\xc0")
     data[frame + 5 : frame + 9] = struct.pack(">HH", rows, columns)
@@ -50,17 +50,17 @@ def jpeg_claiming(columns: int, rows: int) -> bytes:
 
 
 def looped_tiff() -> bytes:
-    """A TIFF whose list of pages runs in a circle."""
+    """Return a TIFF whose list of pages is circular."""
     data = bytearray(tiff(small_levels(), 4.0))
     (first,) = struct.unpack("<I", data[4:8])
     (count,) = struct.unpack("<H", data[first : first + 2])
-    after = first + 2 + 12 * count
-    data[after : after + 4] = struct.pack("<I", first)
+    pointer = first + 2 + 12 * count
+    data[pointer : pointer + 4] = struct.pack("<I", first)
     return bytes(data)
 
 
 def originals() -> dict[str, bytes]:
-    """Small whole files of each format."""
+    """Return a small intact file of each format."""
     levels = small_levels()
     return {
         "whole.png": png(levels, 4.0),
@@ -72,13 +72,13 @@ def originals() -> dict[str, bytes]:
 
 
 def mutations(data: bytes, count: int, rng: np.random.Generator) -> Iterator[bytes]:
-    """The file with a few bytes changed, mostly in its first 400 and last 400, or cut short, or with a part doubled."""
+    """Yield the file with a few bytes changed in its first or last 400, sometimes truncated or with a part repeated."""
     for _ in range(count):
         damaged = bytearray(data)
         for _ in range(rng.integers(1, 5)):
-            near = int(rng.integers(min(400, len(data))))
-            place = near if rng.random() < 0.5 else len(data) - 1 - near
-            damaged[place] = (0, 1, 127, 255, int(rng.integers(256)))[int(rng.integers(5))]
+            distance = int(rng.integers(min(400, len(data))))
+            position = distance if rng.random() < 0.5 else len(data) - 1 - distance
+            damaged[position] = (0, 1, 127, 255, int(rng.integers(256)))[int(rng.integers(5))]
         kind = rng.integers(10)
         if kind == 0:
             damaged = damaged[: rng.integers(1, len(damaged))]

@@ -1,4 +1,4 @@
-"""Rendered edges of a lens, and how far measured points lie from the true outline."""
+"""Rendered edges of a lens, and the distances of measured points from the true outline."""
 
 from dataclasses import dataclass
 
@@ -17,42 +17,42 @@ OUTLINE, FRONT = outline_mm(shipped()), front_mm(shipped())
 
 
 def along(points: FloatArray, step_px: float) -> FloatArray:
-    """Points at even steps along a polyline."""
+    """Return points at equal steps along a polyline."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.arange(0.0, length[-1], step_px)
     return np.column_stack([np.interp(at, length, points[:, i]) for i in (0, 1)])
 
 
-def off_px(points: FloatArray, line: FloatArray) -> FloatArray:
-    """Signed distances of points from a polyline of short pieces, positive to the right of its way as one sees it."""
+def signed_distances_px(points: FloatArray, line: FloatArray) -> FloatArray:
+    """Return signed distances of points from a finely divided polyline, positive on its right as seen in the image."""
     near = np.clip(cKDTree(line).query(points)[1], 1, len(line) - 2)
     best = np.full(len(points), np.inf)
     for first in (near - 1, near):
-        way, beside = line[first + 1] - line[first], points - line[first]
-        share = np.clip(np.sum(way * beside, axis=1) / np.sum(way**2, axis=1), 0.0, 1.0)
-        distance = np.hypot(*(beside - share[:, None] * way).T)
-        signed = np.copysign(distance, way[:, 0] * beside[:, 1] - way[:, 1] * beside[:, 0])
+        direction, offset = line[first + 1] - line[first], points - line[first]
+        fraction = np.clip(np.sum(direction * offset, axis=1) / np.sum(direction**2, axis=1), 0.0, 1.0)
+        distance = np.hypot(*(offset - fraction[:, None] * direction).T)
+        signed = np.copysign(distance, direction[:, 0] * offset[:, 1] - direction[:, 1] * offset[:, 0])
         best = np.where(distance < np.abs(best), signed, best)
     return best
 
 
 @dataclass(frozen=True)
-class Found:
-    """Edge points of one image, and how far (px) each that is kept lies from the true outline, outwards positive."""
+class MeasuredEdge:
+    """Edge points of one image, and the distances of accepted points from the true outline, positive outwards."""
 
     edge: Edge
     error_px: FloatArray
 
     @property
     def over_u(self) -> FloatArray:
-        """Errors over their stated standard uncertainties."""
+        """Errors divided by their stated standard uncertainties."""
         return np.asarray(self.error_px / self.edge.u_px[self.edge.kept])
 
 
 def lens_edge(
     optics: Optics, seed: int, *, um_per_px: float = 5.0, sub: int = 2, camera: Camera | None = None
-) -> Found:
-    """The front of the 860 nm lens in uneven light, turned and placed by the seed, found from a contour a pixel off."""
+) -> MeasuredEdge:
+    """Return the front of the 860 nm lens in a random pose, measured from a contour that deviates by up to 0.8 px."""
     rng = np.random.default_rng(seed)
     size = 5.0 / um_per_px
     origin = (450 * size + rng.uniform(0, 1), 470 * size + rng.uniform(0, 1))
@@ -61,9 +61,9 @@ def lens_edge(
     levels = reflected(OUTLINE, placing, optics=optics)
     scenery = [gradient(0.3, rng.uniform(0, 360))]
     image = Scene(shape, levels, scenery=scenery, camera=camera or Camera(), sub=sub).taken(seed)
-    true = placing.px(FRONT) - 0.5  # to places that are whole in the middle of a pixel
-    contour = along(true, 1.0)[60:-60]
+    truth = placing.px(FRONT) - 0.5  # integer coordinates are at pixel centres
+    contour = along(truth, 1.0)[60:-60]
     normals = normals_of(contour, closed=False)
     contour = contour + normals * 0.8 * np.sin(np.arange(len(contour)) / 40.0)[:, None]
     edge = fit_edge(image / float(np.iinfo(image.dtype).max), contour, normals)
-    return Found(edge, off_px(edge.points_px[edge.kept], along(true, 0.05)))
+    return MeasuredEdge(edge, signed_distances_px(edge.points_px[edge.kept], along(truth, 0.05)))

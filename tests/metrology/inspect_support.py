@@ -1,4 +1,4 @@
-"""Rendered micrographs of lenses as files, inspected as the command does it."""
+"""Rendered micrographs of lenses as files, inspected with the function of the command."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,9 +23,10 @@ INDICES = {"solen-860": "n = 1.44", "solen-500": "n = 1.49", "solen-450": "n = 1
 
 @dataclass(frozen=True)
 class Shot:
-    """A micrograph of a lens: what lies under the microscope, and how it is taken; sizes at 5 µm to a pixel.
+    """A micrograph of a lens: the part, its pose, and the properties of the image.
 
-    ``taper_um`` is by how much the other face's outline stands out of the one in focus, for lighting that shows both.
+    ``taper_um`` is the distance by which the outline of the other face is outside the one in focus, for illumination
+    that shows both.
     """
 
     outline: FloatArray
@@ -45,7 +46,7 @@ class Shot:
 
     @property
     def placing(self) -> Placing:
-        """Where the part lies; the vertex stands at ``vertex_um`` from the image's upper left corner."""
+        """Pose of the part; ``vertex_um`` is the position of the vertex from the image's upper left corner."""
         origin = (self.vertex_um[0] / self.um_per_px, self.vertex_um[1] / self.um_per_px)
         return Placing(self.um_per_px, origin, self.angle_deg, magnification=self.magnification, tilt_deg=self.tilt_deg)
 
@@ -66,14 +67,14 @@ class Shot:
 
 
 def design_file(folder: Path, name: str = "solen-860") -> Path:
-    """A shipped design as a file."""
+    """Write a shipped design to a file."""
     path = folder / f"{name}.toml"
     path.write_text(template(name), encoding="utf-8")
     return path
 
 
 def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860", **options: Any) -> dict[str, Any]:
-    """What `solen print inspect` finds in the image, against a shipped design, the scale being given."""
+    """Return the result of `solen print inspect` for a shipped design; the scale is specified."""
     image = folder / "image.png"
     image.write_bytes(png(shot.taken(seed)))
     scale = InspectOptions(**{"um_per_px": shot.um_per_px, **options})
@@ -81,15 +82,15 @@ def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860",
 
 
 def lens(name: str = "solen-860", **values: Any) -> FloatArray:
-    """Outline of a shipped design's part."""
+    """Return the outline of a shipped design."""
     return outline_mm(shipped(name, **values))
 
 
-def turned(found_deg: float, true_deg: float) -> float:
-    """Difference of two rotations in degrees, from −180 to 180."""
-    return (found_deg - true_deg + 180.0) % 360.0 - 180.0
+def rotation_error_deg(measured_deg: float, true_deg: float) -> float:
+    """Return the difference of two rotations in degrees, from −180 to 180."""
+    return (measured_deg - true_deg + 180.0) % 360.0 - 180.0
 
 
 def true_pose(shot: Shot) -> tuple[float, NDArray[np.float64]]:
-    """Rotation of the part and place (x, y) of its vertex, whole in the middle of a pixel."""
+    """Return the rotation of the part and the position (x, y) of its vertex; integers are at pixel centres."""
     return shot.angle_deg, np.asarray(shot.placing.origin_px) - 0.5

@@ -1,4 +1,4 @@
-"""Rendered images of the shipped lens, for the tests of what is measured in them."""
+"""Rendered images of the shipped lens."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ OUTLINE = outline_mm(shipped())
 
 
 def taken(levels: Sequence[Level], seed: int = 1, um_per_px: float = UM_PER_PX, **options: Any) -> Image:
-    """Image of levels with a scale."""
+    """Return an image of levels, with a scale."""
     grey = Scene(options.pop("shape", SHAPE), levels, **options).taken(seed)
     return as_image(as_levels(grey), um_per_px)
 
@@ -34,5 +34,5 @@ def printed(change: Callable[[FloatArray], FloatArray] | None = None, design: st
 
 
 def plain(outline: FloatArray = OUTLINE, placing: Placing = PLACING, seed: int = 1, **options: Any) -> Image:
-    """The part brighter than its ground."""
+    """Return an image of a part that is brighter than the background."""
     return taken(reflected(outline, placing), seed, **options)

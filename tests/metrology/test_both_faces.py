@@ -1,4 +1,4 @@
-"""Both faces of a lens that differs by height: rendered images of its first and its last layer."""
+"""Both faces of a lens that varies with height: rendered images of its first and its last layer."""
 
 import math
 from dataclasses import replace
@@ -38,34 +38,38 @@ def outline(height_mm: float) -> FloatArray:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first layer, seen mirrored, 8 µm larger; the last layer 5 µm smaller; and the design."""
-    made = tmp_path_factory.mktemp("faces")
+    """Images of the first layer, mirrored and 8 µm larger, and of the last layer, 5 µm smaller; and the design."""
+    folder = tmp_path_factory.mktemp("faces")
     first, last = grown(outline(0.1), 8.0), grown(outline(3.9), -5.0)
     for name, shape in (("bottom", first * [-1.0, 1.0]), ("top", last)):
-        (made / f"{name}.png").write_bytes(png(Shot(shape[:: (-1 if name == "bottom" else 1)]).taken(3)))
-    (made / "design.toml").write_text(dumps(DESIGN), encoding="utf-8")
-    return made
+        (folder / f"{name}.png").write_bytes(png(Shot(shape[:: (-1 if name == "bottom" else 1)]).taken(3)))
+    (folder / "design.toml").write_text(dumps(DESIGN), encoding="utf-8")
+    return folder
 
 
-def inspected(folder: Path, **more: Any) -> Any:
-    return inspect(folder / "top.png", design=folder / "design.toml", options=SCALE, **more).result
+def inspected(folder: Path, **options: Any) -> Any:
+    return inspect(folder / "top.png", design=folder / "design.toml", options=SCALE, **options).result
 
 
-def test_the_deviation_of_the_first_and_of_the_last_layer(folder: Path) -> None:
-    found = inspected(folder, bottom=folder / "bottom.png")
-    assert isinstance(found, FacesInspection)
-    for one, grew in ((found.first_layer, 8.0), (found.last_layer, -5.0)):
-        assert one.size.overgrowth_um == pytest.approx(grew, abs=3.0 * one.size.u_overgrowth_um)
-        assert one.size.form_um < 2.0
-    u = found.u_overgrowth_difference_um
-    assert found.overgrowth_difference_um == pytest.approx(-13.0, abs=3.0 * u)
+def test_measures_overgrowth_of_first_and_last_layer(folder: Path) -> None:
+    inspection = inspected(folder, bottom=folder / "bottom.png")
+    assert isinstance(inspection, FacesInspection)
+    for face, overgrowth_um in ((inspection.first_layer, 8.0), (inspection.last_layer, -5.0)):
+        assert face.size.overgrowth_um == pytest.approx(overgrowth_um, abs=3.0 * face.size.u_overgrowth_um)
+        assert face.size.form_um < 2.0
+    u = inspection.u_overgrowth_difference_um
+    assert inspection.overgrowth_difference_um == pytest.approx(-13.0, abs=3.0 * u)
     assert u < 3.0
-    apart = replace(found.last_layer, scale=replace(found.last_layer.scale, origin="another"))
-    first, last = (one.size.u_overgrowth_um for one in (found.first_layer, found.last_layer))
-    assert u < replace(found, last_layer=apart).u_overgrowth_difference_um == pytest.approx(math.hypot(first, last))
+    independent = replace(inspection.last_layer, scale=replace(inspection.last_layer.scale, origin="another"))
+    first, last = (face.size.u_overgrowth_um for face in (inspection.first_layer, inspection.last_layer))
+    assert (
+        u
+        < replace(inspection, last_layer=independent).u_overgrowth_difference_um
+        == pytest.approx(math.hypot(first, last))
+    )
 
 
-def test_the_face_must_be_named_and_is_not_that_of_the_middle(folder: Path) -> None:
+def test_face_must_be_specified_and_is_not_middle_layer(folder: Path) -> None:
     with pytest.raises(SpecError, match="--seen-from"):
         inspected(folder)
     depth = float(np.ptp(nominal_front(DESIGN, seen_from="top").front_mm[:, 1]))
@@ -74,7 +78,7 @@ def test_the_face_must_be_named_and_is_not_that_of_the_middle(folder: Path) -> N
     assert depth < 1.4  # the middle layer is 1.8 mm deep
 
 
-def test_what_is_of_one_face_is_refused_for_two(folder: Path) -> None:
+def test_rejects_options_of_one_face_with_two_images(folder: Path) -> None:
     bottom = folder / "bottom.png"
     (folder / "again.png").write_bytes((folder / "top.png").read_bytes())
     with pytest.raises(DataError, match=r"again\.png.*top\.png"):

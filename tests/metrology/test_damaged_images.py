@@ -1,4 +1,4 @@
-"""Files that are not images, lie about their size or were damaged: one line each, without taking memory."""
+"""Files that are not images, claim a wrong size or are damaged: one-line errors, without allocating memory."""
 
 import io
 import time
@@ -23,12 +23,12 @@ from tests.metrology.damaged_support import (
 from tests.metrology.render.camera import png, tiff
 
 
-def tried(path: Path) -> Image | str:
-    """The image, or the words of its refusal; any other error is raised."""
+def read_or_error(path: Path) -> Image | str:
+    """Return the image or the text of its error; any unexpected error is raised."""
     try:
         return read_image(path, 2.0)
-    except SolenError as refused:
-        return str(refused)
+    except SolenError as error:
+        return str(error)
 
 
 LARGE = {
@@ -44,31 +44,31 @@ LARGE = {
 
 
 @pytest.mark.parametrize("name", LARGE)
-def test_an_image_too_large_is_refused_from_its_header(name: str, tmp_path: Path) -> None:
+def test_rejects_large_image_from_header(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(LARGE[name])
     with pytest.raises(SolenError):
-        read_image(path, 2.0)  # whatever is loaded lazily is loaded here
+        read_image(path, 2.0)  # so that lazy imports are done
     tracemalloc.start()
     try:
-        with pytest.raises(SolenError) as refused:
+        with pytest.raises(SolenError) as error:
             read_image(path, 2.0)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert peak < 5e6  # bytes; the smallest of these images would take 100 MB
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("name", [name for name in LARGE if name != "samples.tif"])
-def test_it_says_how_large_and_what_to_do(name: str, tmp_path: Path) -> None:
+def test_error_names_size_and_remedy(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(LARGE[name])
     with pytest.raises(SolenError, match=r"megapixels.*crop"):
         read_image(path, 2.0)
 
 
-NONE = {
+REJECTED = {
     "empty.png": b"",
     "text.png": b"this is no image\n" * 40,
     "zeros.tif": bytes(4000),
@@ -86,17 +86,17 @@ NONE = {
 }
 
 
-@pytest.mark.parametrize("name", NONE)
-def test_what_is_no_image_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", REJECTED)
+def test_rejects_invalid_image_in_one_line(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
-    path.write_bytes(NONE[name])
-    with pytest.raises(SolenError) as refused:
+    path.write_bytes(REJECTED[name])
+    with pytest.raises(SolenError) as error:
         read_image(path, 2.0)
-    assert path.name in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert path.name in str(error.value)
+    assert "\n" not in str(error.value)
 
 
-def test_an_animation_is_refused_by_the_number_of_its_frames(tmp_path: Path) -> None:
+def test_rejects_animation_with_number_of_frames(tmp_path: Path) -> None:
     from PIL import Image as Pillow
 
     frames = [Pillow.fromarray(small_levels(seed)) for seed in range(3)]
@@ -108,81 +108,81 @@ def test_an_animation_is_refused_by_the_number_of_its_frames(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", originals())
-def test_an_image_cut_short_is_refused(name: str, tmp_path: Path) -> None:
-    """Where it lost pixels: an image half of which is black has an edge that is none."""
+def test_rejects_truncated_image(name: str, tmp_path: Path) -> None:
+    """If pixels are lost, the border of the black part would look like an edge."""
     data = originals()[name]
     path = tmp_path / name
-    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
-        path.write_bytes(data[: int(share * len(data))])
-        found = tried(path)
-        assert isinstance(found, str) or np.array_equal(np.rint(255 * found.grey), small_levels())
+    for fraction in (0.1, 0.3, 0.5, 0.7, 0.9):
+        path.write_bytes(data[: int(fraction * len(data))])
+        outcome = read_or_error(path)
+        assert isinstance(outcome, str) or np.array_equal(np.rint(255 * outcome.grey), small_levels())
 
 
-def test_a_list_of_pages_that_runs_in_a_circle_ends(tmp_path: Path) -> None:
+def test_circular_list_of_pages_terminates(tmp_path: Path) -> None:
     path = tmp_path / "looped.tif"
     path.write_bytes(looped_tiff())
-    found = tried(path)
-    assert "\n" not in found if isinstance(found, str) else found.shape == (48, 64)
+    outcome = read_or_error(path)
+    assert "\n" not in outcome if isinstance(outcome, str) else outcome.shape == (48, 64)
 
 
-def test_a_header_of_more_rows_or_columns_than_there_are_data_is_refused(tmp_path: Path) -> None:
-    """Decoders fill what is missing, in black or in grey, and say nothing."""
+def test_rejects_header_that_claims_missing_data(tmp_path: Path) -> None:
+    """Decoders fill missing data with black or grey, without a warning."""
     data = bytearray(originals()["deflated.tif"])
     with tifffile.TiffFile(io.BytesIO(bytes(data))) as opened:
-        place, order = opened.pages.first.tags["ImageLength"].valueoffset, opened.byteorder
-    data[place : place + 2] = (4800).to_bytes(2, "little" if order == "<" else "big")
+        position, order = opened.pages.first.tags["ImageLength"].valueoffset, opened.byteorder
+    data[position : position + 2] = (4800).to_bytes(2, "little" if order == "<" else "big")
     jpeg = bytearray(originals()["whole.jpg"])
     size = next(jpeg.find(bytes([0xFF, kind])) for kind in (0xC0, 0xC2) if bytes([0xFF, kind]) in jpeg) + 5
     jpeg[size + 2 : size + 4] = (9536).to_bytes(2, "big")
-    for name, damaged, named in (("rows.tif", data, "1 of 100 parts"), ("wide.jpg", jpeg, "before its last rows")):
+    for name, damaged, part in (("rows.tif", data, "1 of 100 parts"), ("wide.jpg", jpeg, "before its last rows")):
         (tmp_path / name).write_bytes(damaged)
-        found = tried(tmp_path / name)
-        assert isinstance(found, str)
-        assert named in found
+        outcome = read_or_error(tmp_path / name)
+        assert isinstance(outcome, str)
+        assert part in outcome
 
 
-def fuzzed(folder: Path, name: str, count: int, seed: int) -> tuple[int, list[float]]:
-    """How many damaged files were read all the same, and the time that each took; any other error is raised.
+def read_damaged(folder: Path, name: str, count: int, seed: int) -> tuple[int, list[float]]:
+    """Return the number of damaged files that were read, and the time each took; any unexpected error is raised.
 
-    What is read has no more pixels than the undamaged image, up to a factor: no header makes it work without bounds.
+    An image that is read has at most `MAX_GROWTH` times the pixels of the intact one: no header causes unlimited work.
     """
     rng = np.random.default_rng(seed)
     data, path, read, seconds = originals()[name], folder / name, 0, []
     for damaged in mutations(data, count, rng):
         path.write_bytes(damaged)
         started = time.monotonic()
-        found = tried(path)
+        outcome = read_or_error(path)
         seconds.append(time.monotonic() - started)
-        if isinstance(found, str):
-            assert "\n" not in found
+        if isinstance(outcome, str):
+            assert "\n" not in outcome
         else:
             read += 1
-            assert np.isfinite(found.grey).all()
-            assert found.grey.ndim == 2
-            assert found.grey.size <= MAX_LARGER * small_levels().size
+            assert np.isfinite(outcome.grey).all()
+            assert outcome.grey.ndim == 2
+            assert outcome.grey.size <= MAX_GROWTH * small_levels().size
     return read, seconds
 
 
-MAX_LARGER = 8
+MAX_GROWTH = 8
 
 
 @pytest.mark.parametrize("name", originals())
-def test_damaged_files_are_read_or_refused_and_nothing_else(name: str, tmp_path: Path) -> None:
-    read, _ = fuzzed(tmp_path, name, 60, seed=1)
+def test_damaged_files_are_read_or_rejected(name: str, tmp_path: Path) -> None:
+    read, _ = read_damaged(tmp_path, name, 60, seed=1)
     assert read < 60
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("name", originals())
 def test_thousands_of_damaged_files(name: str, tmp_path: Path) -> None:
-    read, seconds = fuzzed(tmp_path, name, 4000, seed=2)
+    read, seconds = read_damaged(tmp_path, name, 4000, seed=2)
     slowest = max(seconds) / np.median(seconds)
     print(f"{name}: 4000 damaged files, {4000 - read} refused, {read} read, the slowest took {slowest:.0f} medians")
     assert read < 4000
 
 
-def test_a_damaged_tiff_says_nothing_beside_its_refusal(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_damaged_tiff_logs_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "cut.ome.tif"
     path.write_bytes(originals()["whole.ome.tif"][:2000])
-    assert isinstance(tried(path), str)
+    assert isinstance(read_or_error(path), str)
     assert caplog.records == []

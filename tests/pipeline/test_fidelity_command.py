@@ -96,7 +96,7 @@ def test_a_height_map_of_the_reference(told: Run) -> None:
         (["a.png", "--coupon", "group-a", "--um-per-px", "14"], "shows no group-a"),
         (["a.png", "--coupon", "group-c", "--um-per-px", "14"], "--z-um"),
         (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that an image shows"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is not a height map"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "neither a TIFF nor a table"),
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),

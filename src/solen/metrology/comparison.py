@@ -1,7 +1,7 @@
 """Comparison of a printed outline with several designs: the nearest one, with probabilities.
 
 The outline is fitted to each design in turn, together with everything that makes an entire print larger or smaller (see
-`solen.metrology.print_fit`), so a design is not nearer because the scale is wrong or the print is overgrown. With equal
+`solen.metrology.print_fit`), so that neither a wrong scale nor overgrowth makes a wrong design the nearest. With equal
 priors, the posterior probabilities are the marginal likelihoods divided by their sum; they apply to these designs
 alone. Whether any of them explains the outline is a separate question, which `p_form` answers: if the residual form
 error is larger than that of prints of the right design, none of the designs fits.
@@ -25,9 +25,9 @@ from solen.results import HIDDEN, reported
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
 
-SURE = 0.95
-LIKELY = 0.05
-"""Probability below which a form error as large as the outline's rules out a print of the design."""
+MIN_PROBABILITY = 0.95
+MIN_P_FORM = 0.05
+"""Probability of a form error as large as the outline's below which a print of the design is ruled out."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
 """Emitter distance, focus and half width of the paper's lenses."""
@@ -48,8 +48,7 @@ class ComparedDesign:
     size
         Size, overgrowth and form of the print if it was made from this design.
     probability
-        Probability of this design among those compared; pose, scale, shrinkage, overgrowth and form are integrated
-        over.
+        Probability of this design among those compared, marginalised over pose, scale, shrinkage, overgrowth and form.
     """
 
     name: str
@@ -60,13 +59,13 @@ class ComparedDesign:
 
     @reported
     def rms_um(self) -> float:
-        """Rms deviation with the scale as specified and the size as designed."""
+        """RMS deviation with the scale as specified and the size as designed."""
         return self.registration.rms_um
 
     @property
     def possible(self) -> bool:
         """Whether the form error is plausible for a print of this design."""
-        return self.size.p_form >= LIKELY
+        return self.size.p_form >= MIN_P_FORM
 
 
 def designs_to_compare(
@@ -93,10 +92,10 @@ def designs_to_compare(
 def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
     """Make names unique by appending a number to each repetition."""
     names = [front.name for front in fronts]
-    before = [names[:place].count(name) for place, name in enumerate(names)]
+    counts = [names[:index].count(name) for index, name in enumerate(names)]
     return [
         replace(front, name=f"{front.name} ({count + 1})") if count else front
-        for front, count in zip(fronts, before, strict=True)
+        for front, count in zip(fronts, counts, strict=True)
     ]
 
 
@@ -108,15 +107,15 @@ def compare(
     Parameters
     ----------
     edge
-        The outline, with a pose that is good enough for each of the designs.
+        The outline, with a pose within about a tenth of the lens's width for each of the designs.
     fronts
         The nominal fronts, at least one.
     priors
         Priors of the print's size and form.
     """
     traced, u_px = edge.traced, edge.edge.measured[1]
-    alone = [fit_print(traced, front, priors) for front in fronts]
-    independent = min(alone, key=lambda fit: fit.form_um).independent_values
+    fits = [fit_print(traced, front, priors) for front in fronts]
+    independent = min(fits, key=lambda fit: fit.form_um).independent_values
     sizes = [fit_print(traced, front, priors, independent) for front in fronts]
     logs = np.array([size.log_evidence for size in sizes])
     weights = np.exp(logs - logs.max())
@@ -134,25 +133,25 @@ def compare(
 
 
 def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
-    """Return the limits of the comparison as warnings."""
+    """Return warnings if no design fits, or if the two most probable ones cannot be distinguished."""
     first = designs[0]
     if not any(design.possible for design in designs):
-        none = "none of these designs" if len(designs) > 1 else f"no normal print of {first.name}"
+        unmatched = "none of these designs" if len(designs) > 1 else f"no normal print of {first.name}"
         return [
             do_not_use(
-                f"the outline matches {none}: after fitting size and overgrowth, the form error "
-                f"is {first.size.form_um:.3g} µm (rms), whereas a print of the correct design has "
+                f"the outline matches {unmatched}: after fitting size and overgrowth, the form error "
+                f"is {first.size.form_um:.3g} µm RMS, whereas a print of the correct design has "
                 f"about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
             )
         ]
-    if len(designs) < 2 or first.probability >= SURE:
+    if len(designs) < 2 or first.probability >= MIN_PROBABILITY:
         return []
     second = designs[1]
     return [
         warning(
             f"{first.name} and {second.name} cannot be distinguished: after fitting size and overgrowth, "
             f"the outline deviates from them by {first.size.form_um:.3g} and {second.size.form_um:.3g} "
-            f"µm (rms), and neighbouring points are correlated ({first.size.independent_values:.0f} "
+            f"µm RMS, and neighbouring points are correlated ({first.size.independent_values:.0f} "
             "independent values)"
         )
     ]

@@ -21,39 +21,45 @@ from solen.metrology.step_fit import MAX_BLUR_PX, StepPriors, Steps, fit_steps
 
 LINES = 5
 """Number of neighbouring lines, one pixel apart, whose grey values are averaged."""
-BLURS = 5.0
+HALF_LINE_BLURS = 5.0
 """Half length of a fitted line, in blurs."""
 FIRST_BLUR_PX = 2.0
 """Initial value of the blur, from which the image's own blur is determined."""
-MIN_HALF_PX = 5.0
-SOME, WIDER = 120, 1.25
-"""Number of positions from which the blur is estimated, and the relative growth of the estimate below which search
-lines are long enough.
+MIN_HALF_LINE_PX = 5.0
+BLUR_SAMPLES, MAX_BLUR_GROWTH = 120, 1.25
+"""Number of positions from which the blur is estimated, and the factor between estimates below which the lines are long
+enough.
 """
 MIN_GOOD_FITS = 20
 """Minimum number of good fits for an estimate of typical parameters."""
-U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
-"""Relative variation of the blur along a contour, and the background slope per px, as a fraction of the rise."""
-SATURATED = 0.5
+U_LOG_BLUR, U_SLOPE_FRACTION = 0.2, 3e-3
+"""Prior standard deviations along a contour: of the logarithm of the blur, and of the background slope per pixel, as a
+fraction of the rise.
+"""
+MAX_SATURATED_FRACTION = 0.5
 """Fraction of saturated pixels across a line above which it is rejected; noise alone saturates fewer."""
 MAX_U_PX = 1.0
 MIN_SNR = 4.0
 """Minimum ratio of a step's rise to the noise of a line."""
 MIN_RISE = 0.25
 """Ratio to the median rise along the contour below which a step belongs to another edge or to none."""
-ODD_BLUR = 2.5
-ODD_SHAPE = 2.2
-"""Ratio of the residuals to their median above which another object lies on the edge."""
-ODD_SHARE = 0.02
+MAX_BLUR_RATIO = 2.5
+"""Ratio to the median blur, or its inverse, above which a fit is rejected."""
+MAX_RESIDUAL_RATIO = 2.2
+"""Ratio of a line's residuals to their median above which another object is assumed to lie on the edge."""
+NEGLIGIBLE_RESIDUAL = 0.02
 """Fraction of the rise below which residuals are negligible."""
-BESIDE = 2
-NEIGHBOURS = 15
-OFF_SIGMAS, OFF_PX = 5.0, 0.5
-ALONE_PLACES, ALONE_SHARE = 9, 0.4
-NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
+DILATION = 2
+"""Number of points on each side of another object that are rejected with it."""
+MEDIAN_POINTS = 15
+MAX_OFFSET_SIGMAS, MAX_OFFSET_PX = 5.0, 0.5
+"""Largest distance of a point from the running median of `MEDIAN_POINTS` neighbours; the larger limit applies."""
+ISOLATION_POINTS, MIN_KEPT_FRACTION = 9, 0.4
+"""Number of neighbours of a point, and the fraction of edges among them below which the point is isolated."""
+NOISE_POINTS, NEIGHBOUR_WEIGHT = 31, 4.0
 """Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
 MIN_TRIPLES = 40
-"""Number of comparisons with neighbours below which the scatter is not evaluated."""
+"""Minimum number of comparisons with neighbours for an estimate of the scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +101,7 @@ class Edge:
         return self.points_px[self.kept], self.u_px[self.kept]
 
     @property
-    def share_kept(self) -> float:
+    def fraction_kept(self) -> float:
         """Fraction of the points in the image that are accepted."""
         return float(self.kept.sum()) / max(int(self.inside.sum()), 1)
 
@@ -110,19 +116,20 @@ class Edge:
         return float(np.median(self.rise[self.kept])) if self.kept.any() else float("nan")
 
 
-def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
+def normals_of(contour_px: FloatArray, *, closed: bool, span: int = 5) -> FloatArray:
     """Return the unit normals (N, 2) of a contour, to its left as seen in the image.
 
     The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
     """
     if closed:
-        ahead, behind = np.roll(contour_px, -over, axis=0), np.roll(contour_px, over, axis=0)
+        ahead, behind = np.roll(contour_px, -span, axis=0), np.roll(contour_px, span, axis=0)
     else:
         index = np.arange(len(contour_px))
-        ahead = contour_px[np.minimum(index + over, len(contour_px) - 1)]
-        behind = contour_px[np.maximum(index - over, 0)]
-    way = ahead - behind
-    return np.stack([way[:, 1], -way[:, 0]], axis=1) / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-12)[:, None]
+        ahead = contour_px[np.minimum(index + span, len(contour_px) - 1)]
+        behind = contour_px[np.maximum(index - span, 0)]
+    tangent = ahead - behind
+    length = np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-12)
+    return np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) / length[:, None]
 
 
 def profiles(
@@ -133,7 +140,7 @@ def profiles(
     lines: int = LINES,
     order: Literal[1, 3] = 3,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return grey values (N, M) at distances ``t_px`` (M,) along normals, and whether each line is in the image.
+    """Return grey values (N, M) at distances ``t_px`` (M,) along normals, and whether each sample is in the image.
 
     Values between pixels are interpolated by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart,
     are averaged.
@@ -157,7 +164,7 @@ def _patch(
 ) -> tuple[FloatArray, tuple[int, int]]:
     """Return the spline coefficients of the required part of the image, and its first column and row."""
     rows, columns = grey.shape
-    margin = reach + 12.0  # spline coefficients depend on a few pixels beyond
+    margin = reach + 12.0  # spline coefficients depend on nearby pixels
     x0, y0 = (int(max(0.0, np.floor(float(points[:, i].min()) - margin))) for i in (0, 1))
     x1, y1 = (int(np.ceil(float(points[:, i].max()) + margin)) + 1 for i in (0, 1))
     x0, y0 = min(x0, columns - 1), min(y0, rows - 1)
@@ -196,9 +203,9 @@ def fit_edge(
         Whether the contour is closed, so that the last point is next to the first.
     """
     at = np.zeros((len(contour_px), 1))
-    view = _View(grey, contour_px, normals, half_px, ceiling, lines, closed)
-    steps, inside, saturated = view.fitted(at, view.blur(at, FIRST_BLUR_PX))
-    return view.checked(steps, 0, rising, inside, saturated)
+    sampling = _Sampling(grey, contour_px, normals, half_px, ceiling, lines, closed)
+    steps, inside, saturated = sampling.fitted(at, sampling.blur(at, FIRST_BLUR_PX))
+    return sampling.checked(steps, 0, rising, inside, saturated)
 
 
 def fit_two_edges(
@@ -214,13 +221,13 @@ def fit_two_edges(
 
     Parameters are as in `fit_edge`; ``at_px`` (N, 2) are initial positions of both edges along the normals.
     """
-    view = _View(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
-    steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
-    return (view.checked(steps, 0, None, inside, saturated), view.checked(steps, 1, None, inside, saturated))
+    sampling = _Sampling(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
+    steps, inside, saturated = sampling.fitted(at_px, sampling.two_blurs(at_px, blur_px))
+    return (sampling.checked(steps, 0, None, inside, saturated), sampling.checked(steps, 1, None, inside, saturated))
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class _Sampling:
     """A contour in an image, and how the lines across it are sampled."""
 
     grey: FloatArray
@@ -233,125 +240,128 @@ class _View:
 
     def blur(self, at: FloatArray, guess_px: float) -> float:
         """Return the median blur at a sample of points, on lines that are lengthened until they are long enough."""
-        part, at = self._sample(at)
+        sample, at = self._sample(at)
         for _ in range(4):
-            steps, inside, _ = part.fitted(at, guess_px)
-            good = steps.settled & inside & (np.abs(steps.rise[:, 0]) > MIN_SNR * steps.noise)
-            found = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
-            if found < WIDER * guess_px:
-                return float(np.clip(found, 0.5, MAX_BLUR_PX))
-            guess_px = min(found, MAX_BLUR_PX)
+            steps, inside, _ = sample.fitted(at, guess_px)
+            good = steps.converged & inside & (np.abs(steps.rise[:, 0]) > MIN_SNR * steps.noise)
+            blur_px = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
+            if blur_px < MAX_BLUR_GROWTH * guess_px:
+                return float(np.clip(blur_px, 0.5, MAX_BLUR_PX))
+            guess_px = min(blur_px, MAX_BLUR_PX)
         return guess_px
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
         """Return the blurs of two edges at a sample of points, from the pair with the most good fits."""
-        part, at = self._sample(at)
+        sample, at = self._sample(at)
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
-            steps, inside, _ = part.fitted(at, guess_px * np.array(factors))
-            good = inside & steps.settled & (steps.u_at_px.max(axis=1) < MAX_U_PX)
-            merit = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
-            if good.any() and merit > best:
-                best, blurs = merit, np.median(steps.blur_px[good], axis=0)
+            steps, inside, _ = sample.fitted(at, guess_px * np.array(factors))
+            good = inside & steps.converged & (steps.u_at_px.max(axis=1) < MAX_U_PX)
+            score = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
+            if good.any() and score > best:
+                best, blurs = score, np.median(steps.blur_px[good], axis=0)
         return np.asarray(np.clip(blurs, 0.5, MAX_BLUR_PX))
 
-    def _sample(self, at: FloatArray) -> tuple["_View", FloatArray]:
-        """Return a sample of points, evenly spaced along the contour, and their first guesses."""
-        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
-        return replace(self, contour_px=self.contour_px[some], normals=self.normals[some]), at[some]
+    def _sample(self, at: FloatArray) -> tuple["_Sampling", FloatArray]:
+        """Return a sample of points, evenly spaced along the contour, and their initial positions."""
+        chosen = np.unique(np.linspace(0, len(at) - 1, min(len(at), BLUR_SAMPLES)).astype(int))
+        return replace(self, contour_px=self.contour_px[chosen], normals=self.normals[chosen]), at[chosen]
 
     def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
-        """Return the fits, whether each line is in the image, and its saturated fraction.
+        """Return the fits, and for each line whether it is in the image and whether it is saturated.
 
         A second fit uses parameters that the lines of the first have in common: if edges overlap or are faint, a single
         line cannot determine its own blur and slope.
         """
-        around = max(BLURS * float(np.max(blur_px)), MIN_HALF_PX)
+        around = max(HALF_LINE_BLURS * float(np.max(blur_px)), MIN_HALF_LINE_PX)
         half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
         t = np.arange(-half, half + 0.5)
         values, inside = profiles(self.grey, self.contour_px, self.normals, t, self.lines)
         use = (t >= at.min(axis=1, keepdims=True) - around) & (t <= at.max(axis=1, keepdims=True) + around)
         saturated = self._saturated(t, use)
-        seen = (inside | ~use).all(axis=1)
-        alone = fit_steps(t, values, at, blur_px, use)
-        usual = _typical(alone, seen & ~saturated)
-        return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
+        complete = (inside | ~use).all(axis=1)
+        independent = fit_steps(t, values, at, blur_px, use)
+        priors = _typical(independent, complete & ~saturated)
+        return (independent if priors is None else fit_steps(t, values, at, blur_px, use, priors)), complete, saturated
 
     def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
-        """Return the lines that contain a saturated point, which would shift the fitted step."""
+        """Return a mask of the lines that contain a saturated point, which would shift the fitted step."""
         limit = self.grey >= self.ceiling
         if not limit.any():
             return np.zeros(len(use), dtype=bool)
-        share, _ = profiles(limit.astype(np.float64), self.contour_px, self.normals, t, self.lines, order=1)
-        return np.asarray(((share > SATURATED) & use).any(axis=1))
+        fraction, _ = profiles(limit.astype(np.float64), self.contour_px, self.normals, t, self.lines, order=1)
+        return np.asarray(((fraction > MAX_SATURATED_FRACTION) & use).any(axis=1))
 
-    def checked(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
+    def checked(self, steps: Steps, index: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
         """Return one of the fitted edges, with outliers rejected."""
-        at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
+        at, u, rise, blur = (values[:, index] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
-        fit = inside & ~saturated
-        noise = _median(steps.noise, fit)
-        strong = fit & (np.abs(rise) > MIN_SNR * noise)
-        usual = _median(rise, strong) if rising is None else (1.0 if rising else -1.0) * _median(np.abs(rise), strong)
-        weak = (rise * np.sign(usual) < MIN_RISE * abs(usual)) | (np.abs(rise) < MIN_SNR * noise) | (usual == 0.0)
-        usual_blur = _median(blur, fit & ~weak)
-        bad = {
+        usable = inside & ~saturated
+        noise = _median(steps.noise, usable)
+        strong = usable & (np.abs(rise) > MIN_SNR * noise)
+        typical = _median(rise, strong)
+        if rising is not None:
+            typical = _median(np.abs(rise), strong) * (1.0 if rising else -1.0)
+        weak = (rise * np.sign(typical) < MIN_RISE * abs(typical)) | (np.abs(rise) < MIN_SNR * noise) | (typical == 0.0)
+        typical_blur = _median(blur, usable & ~weak)
+        max_residual = np.maximum(MAX_RESIDUAL_RATIO * noise, NEGLIGIBLE_RESIDUAL * abs(typical))
+        reasons = {
             "outside the image": ~inside,
             "saturated": saturated,
             "low contrast": weak,
-            "no fit": ~steps.settled | ~(u < MAX_U_PX),
-            "odd blur": (blur > ODD_BLUR * usual_blur) | (blur < usual_blur / ODD_BLUR),
-            "odd shape": _near_outliers(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
+            "no fit": ~steps.converged | ~(u < MAX_U_PX),
+            "unusual blur": (blur > MAX_BLUR_RATIO * typical_blur) | (blur < typical_blur / MAX_BLUR_RATIO),
+            "unusual shape": _near_outliers(steps.noise > max_residual),
         }
-        kept, rejected = _counted(bad, len(at))
-        out = kept & _off_neighbours(points, self.contour_px, self.normals, kept, self.closed)
-        kept, rejected["off its neighbours"] = kept & ~out, int(out.sum())
-        out = kept & _isolated(kept, inside)
-        kept, rejected["alone"] = kept & ~out, int(out.sum())
+        kept, rejected = _counted(reasons, len(at))
+        outliers = kept & _off_neighbours(points, self.contour_px, self.normals, kept, self.closed)
+        kept, rejected["outlier"] = kept & ~outliers, int(outliers.sum())
+        outliers = kept & _isolated(kept, inside)
+        kept, rejected["isolated"] = kept & ~outliers, int(outliers.sum())
         u = u * _noise_factors(steps.noise)
         u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
         return Edge(points, self.normals, u, blur, rise, inside, kept, rejected)
 
 
 def _noise_factors(noise: FloatArray) -> FloatArray:
-    """Return factors (N,) on the uncertainties if the noise is also estimated from neighbours.
+    """Return factors (N,) for the uncertainties if neighbouring lines contribute to the estimate of the noise.
 
     A line has about ten values and five parameters, so its residuals determine its noise to 30 % at best.
     """
-    usual = ndimage.median_filter(noise, NOISE_PLACES, mode="nearest")
-    own = np.maximum(noise, 1e-12)
-    return np.asarray(np.sqrt((1.0 + NEIGHBOURS_WEIGHT * (usual / own) ** 2) / (1.0 + NEIGHBOURS_WEIGHT)))
+    local = ndimage.median_filter(noise, NOISE_POINTS, mode="nearest")
+    single = np.maximum(noise, 1e-12)
+    return np.asarray(np.sqrt((1.0 + NEIGHBOUR_WEIGHT * (local / single) ** 2) / (1.0 + NEIGHBOUR_WEIGHT)))
 
 
 def scatter_over_u(
     points: FloatArray, normals: FloatArray, u: FloatArray, kept: BoolArray, lines: int = LINES
 ) -> float:
-    """Return the ratio of the edge's scatter between neighbours to that expected from the residuals; at least 1.
+    """Return the ratio of the scatter between neighbouring points to that expected from the residuals; at least 1.
 
-    The fit treats residuals as independent, but the residuals of a sharpened, compressed or textured image are not, and
-    interpolation correlates them too. Each point is compared with the mean of one point before and one after that share
-    no pixel with it; slow bending does not count as scatter. Roughness finer than about ten pixels therefore counts as
-    uncertainty too.
+    The fit treats residuals as independent, but those of a sharpened, compressed or textured image are correlated, and
+    interpolation adds to the correlation. Each point is compared with the mean of one point before and one after it
+    that share no pixel with it, and slow bending is subtracted. Roughness finer than about ten pixels therefore
+    contributes to the uncertainty.
     """
     step = float(np.median(np.hypot(*np.diff(points, axis=0).T))) if len(points) > 1 else 0.0
     lag = int(np.ceil((lines + 1.0) / step)) if step > 0.0 else 0
     if lag == 0 or len(points) <= 2 * lag:
         return 1.0
-    here, before, behind = np.s_[lag:-lag], np.s_[: -2 * lag], np.s_[2 * lag :]
-    bend = np.sum((points[here] - 0.5 * (points[before] + points[behind])) * normals[here], axis=1)
-    sigma = np.sqrt(u[here] ** 2 + 0.25 * (u[before] ** 2 + u[behind] ** 2))
-    known = kept[here] & kept[before] & kept[behind] & (sigma > 0.0)
-    if known.sum() < MIN_TRIPLES:
+    middle, before, after = np.s_[lag:-lag], np.s_[: -2 * lag], np.s_[2 * lag :]
+    bend = np.sum((points[middle] - 0.5 * (points[before] + points[after])) * normals[middle], axis=1)
+    sigma = np.sqrt(u[middle] ** 2 + 0.25 * (u[before] ** 2 + u[after] ** 2))
+    valid = kept[middle] & kept[before] & kept[after] & (sigma > 0.0)
+    if valid.sum() < MIN_TRIPLES:
         return 1.0
-    ratio = bend[known] / sigma[known]
-    rest = ratio - ndimage.median_filter(ratio, 12 * lag + 1, mode="nearest")
-    return float(max(1.0, 1.4826 * float(np.median(np.abs(rest)))))
+    ratio = bend[valid] / sigma[valid]
+    residual = ratio - ndimage.median_filter(ratio, 12 * lag + 1, mode="nearest")
+    return float(max(1.0, 1.4826 * float(np.median(np.abs(residual)))))
 
 
-def _typical(steps: Steps, fit: BoolArray) -> StepPriors | None:
+def _typical(steps: Steps, usable: BoolArray) -> StepPriors | None:
     """Return typical parameters of the good fits, or None if there are too few."""
-    noise = _median(steps.noise, fit)
-    good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > MIN_SNR * noise)
+    noise = _median(steps.noise, usable)
+    good = usable & steps.converged & (np.abs(steps.rise).min(axis=1) > MIN_SNR * noise)
     good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
     if good.sum() < MIN_GOOD_FITS:
         return None
@@ -360,30 +370,31 @@ def _typical(steps: Steps, fit: BoolArray) -> StepPriors | None:
         log_blur=np.log(np.median(steps.blur_px[good], axis=0)),
         u_log_blur=U_LOG_BLUR,
         slope_per_px=float(np.median(steps.slope_per_px[good])),
-        u_slope_per_px=U_SLOPE_SHARE * rise,
+        u_slope_per_px=U_SLOPE_FRACTION * rise,
         noise=noise,
     )
 
 
-def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
+def _counted(reasons: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
     """Return a mask of the points that are not rejected, and the number of points rejected for each reason."""
     kept, rejected = np.ones(count, dtype=bool), {}
-    for reason, flags in bad.items():
+    for reason, flags in reasons.items():
         rejected[reason] = int(np.sum(kept & flags))
         kept &= ~flags
     return kept, rejected
 
 
 def _isolated(kept: BoolArray, inside: BoolArray) -> BoolArray:
-    """Return points that are isolated: most of their neighbours in the image are not edges, so they are rejected."""
-    shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
-    own, all_of_them = shares
-    return np.asarray(own < ALONE_SHARE * all_of_them)
+    """Return a mask of isolated points: most of their neighbours in the image are not edges."""
+    kept_fraction, inside_fraction = (
+        ndimage.uniform_filter1d(flags.astype(float), ISOLATION_POINTS, mode="nearest") for flags in (kept, inside)
+    )
+    return np.asarray(kept_fraction < MIN_KEPT_FRACTION * inside_fraction)
 
 
 def _near_outliers(odd: BoolArray) -> BoolArray:
-    """Return outliers with `BESIDE` neighbours to either side, because an object on an edge fades out gradually."""
-    return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
+    """Return a mask of outliers and `DILATION` neighbours on each side, because objects on an edge fade gradually."""
+    return np.asarray(ndimage.binary_dilation(odd, iterations=DILATION)) if odd.any() else odd
 
 
 def _median(values: FloatArray, where: BoolArray) -> float:
@@ -393,14 +404,14 @@ def _median(values: FloatArray, where: BoolArray) -> float:
 def _off_neighbours(
     points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool
 ) -> BoolArray:
-    """Return points whose distance from the running median of their neighbours exceeds the scatter and half a pixel."""
-    if int(kept.sum()) < NEIGHBOURS:
+    """Return a mask of points too far from the running median of their neighbours."""
+    if int(kept.sum()) < MEDIAN_POINTS:
         return np.zeros(len(kept), dtype=bool)
     mode: Literal["wrap", "nearest"] = "wrap" if closed else "nearest"
     smooth = ndimage.uniform_filter1d(contour, 5, axis=0, mode=mode)
     offset = np.sum((points - smooth) * normals, axis=1)[kept]
-    rest = offset - ndimage.median_filter(offset, NEIGHBOURS, mode=mode)
-    scatter = 1.4826 * float(np.median(np.abs(rest)))
-    off = np.zeros(len(kept), dtype=bool)
-    off[kept] = np.abs(rest) > max(OFF_SIGMAS * scatter, OFF_PX)
-    return off
+    residual = offset - ndimage.median_filter(offset, MEDIAN_POINTS, mode=mode)
+    scatter = 1.4826 * float(np.median(np.abs(residual)))
+    outliers = np.zeros(len(kept), dtype=bool)
+    outliers[kept] = np.abs(residual) > max(MAX_OFFSET_SIGMAS * scatter, MAX_OFFSET_PX)
+    return outliers

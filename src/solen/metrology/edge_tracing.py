@@ -19,10 +19,11 @@ from solen.metrology.pose import Pose
 ALONG, ACROSS = 500, 160
 """Approximate number of positions along the front, and of pixels from its centre line to a side of the band."""
 SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
-JUMP = 2
-"""Pixels by which a path may move sideways from one position to the next."""
+MAX_JUMP = 2
+"""Largest step of a path sideways from one position to the next, in pixels."""
 JUMP_COST = 0.08
-APART, APART_OTHER = 3.5, 1.0
+"""Cost of a step of one pixel sideways; the gain of a position is at most 1."""
+MIN_SEPARATION, MIN_SEPARATION_OPPOSITE = 3.5, 1.0
 """Minimum distance between two paths, in smoothing widths: for paths of the same sign, and for opposite signs, as on
 both sides of a narrow dark band.
 """
@@ -32,7 +33,7 @@ MAX_EDGES = 4
 MIN_COVERED, MIN_COVERED_FURTHER = 0.5, 0.35
 """Fraction of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
 MIN_SNR = 5.0
-FAINTEST = 0.15
+MIN_RELATIVE_STRENGTH = 0.15
 """Minimum change across a further edge, relative to that of the first."""
 
 
@@ -72,8 +73,11 @@ class Band:
         factor = max(1, int(reach_px / ACROSS))
         coarse = binned(grey, factor)
         offset_px = np.arange(-np.ceil(reach_px / factor), np.ceil(reach_px / factor) + 0.5) * factor
-        places, ways = pose.to_px(points), pose.direction_px(normals)
-        x, y = ((places[:, i : i + 1] + ways[:, i : i + 1] * offset_px - 0.5 * (factor - 1)) / factor for i in (0, 1))
+        positions, directions = pose.to_px(points), pose.direction_px(normals)
+        x, y = (
+            (positions[:, i : i + 1] + directions[:, i : i + 1] * offset_px - 0.5 * (factor - 1)) / factor
+            for i in (0, 1)
+        )
         seen = (x >= 0.0) & (x <= coarse.shape[1] - 1.0) & (y >= 0.0) & (y <= coarse.shape[0] - 1.0)
         values = ndimage.map_coordinates(coarse, [y, x], order=1, mode="nearest")
         smooth = ndimage.gaussian_filter1d(values, SMOOTH_ALONG, axis=0)
@@ -81,14 +85,14 @@ class Band:
         return cls(arc, offset_px * pose.um_per_px / 1e3, np.where(seen, change, 0.0), seen)
 
     @property
-    def share_seen(self) -> float:
+    def fraction_seen(self) -> float:
         """Fraction of the front itself that is in the image."""
         return float(np.mean(self.seen[:, len(self.offset_mm) // 2]))
 
 
 @dataclass(frozen=True, eq=False)
 class TracedEdge:
-    """An edge along the entire front, to about a pixel of the band.
+    """An edge along the entire front, located to about a pixel of the band.
 
     Attributes
     ----------
@@ -111,7 +115,7 @@ class TracedEdge:
     shown: BoolArray
 
 
-def trace_edges(band: Band, most: int = MAX_EDGES) -> list[TracedEdge]:
+def trace_edges(band: Band, max_edges: int = MAX_EDGES) -> list[TracedEdge]:
     """Trace the edges along the front, the strongest first; the list is empty if nothing exceeds the noise."""
     if not band.seen.any():
         return []
@@ -120,27 +124,30 @@ def trace_edges(band: Band, most: int = MAX_EDGES) -> list[TracedEdge]:
     step_mm = float(band.offset_mm[1] - band.offset_mm[0])
     free = {rising: band.seen.copy() for rising in (True, False)}
     edges: list[TracedEdge] = []
-    while len(edges) < most:
-        least = max(MIN_SNR * noise, FAINTEST * edges[0].strength if edges else 0.0)
-        both = [_traced(band, rising, free[rising], scale, least) for rising in (True, False)]
-        best = max(both, key=lambda edge: edge.covered * edge.strength)
+    while len(edges) < max_edges:
+        min_change = max(MIN_SNR * noise, MIN_RELATIVE_STRENGTH * edges[0].strength if edges else 0.0)
+        candidates = [_traced(band, rising, free[rising], scale, min_change) for rising in (True, False)]
+        best = max(candidates, key=lambda edge: edge.covered * edge.strength)
         if best.covered < (MIN_COVERED_FURTHER if edges else MIN_COVERED):
             break
         edges.append(best)
-        away = np.abs(band.offset_mm[None, :] - best.offset_mm[:, None])
-        for rising, places in free.items():
-            places &= away > (APART if rising == best.rising else APART_OTHER) * SMOOTH_ACROSS * step_mm
+        distance = np.abs(band.offset_mm[None, :] - best.offset_mm[:, None])
+        for rising, mask in free.items():
+            mask &= (
+                distance
+                > (MIN_SEPARATION if rising == best.rising else MIN_SEPARATION_OPPOSITE) * SMOOTH_ACROSS * step_mm
+            )
     return edges
 
 
-def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
+def _traced(band: Band, rising: bool, free: BoolArray, scale: float, min_change: float) -> TracedEdge:
     """Return the edge of one sign with the largest total change on a free path; ``least`` is the visible minimum."""
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)
     path = best_path(gain / (gain + scale))
     along = np.arange(len(path))
-    shown = _on_maximum(np.maximum(change, 0.0), path) & (allowed[along, path] > least)
+    shown = _on_maximum(np.maximum(change, 0.0), path) & (allowed[along, path] > min_change)
     covered = float(shown.sum()) / max(int(band.seen[along, path].sum()), 1)
     strength = float(np.median(allowed[along, path][shown])) if shown.any() else 0.0
     return TracedEdge(band.offset_mm[path], rising, strength, covered, shown)
@@ -156,18 +163,18 @@ def _on_maximum(gain: FloatArray, path: IndexArray) -> BoolArray:
 def best_path(gain: FloatArray) -> IndexArray:
     """Return the column for each row of (N, M) that maximises the sum of gains minus the cost of sideways steps."""
     rows, columns = gain.shape
-    cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
-    came = np.zeros((rows, columns), dtype=np.intp)
-    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; no path enters from outside the band
-    total, near = padded[JUMP:-JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * JUMP + 1)
+    cost = JUMP_COST * np.abs(np.arange(-MAX_JUMP, MAX_JUMP + 1))
+    steps = np.zeros((rows, columns), dtype=np.intp)
+    padded = np.full(columns + 2 * MAX_JUMP, -np.inf)  # the best sums so far; no path enters from outside the band
+    total, windows = padded[MAX_JUMP:-MAX_JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * MAX_JUMP + 1)
     total[:] = gain[0]
-    every = np.arange(columns)
+    all_columns = np.arange(columns)
     for row in range(1, rows):
-        reached = near - cost
-        came[row] = reached.argmax(axis=1)
-        total[:] = reached[every, came[row]] + gain[row]
+        reached = windows - cost
+        steps[row] = reached.argmax(axis=1)
+        total[:] = reached[all_columns, steps[row]] + gain[row]
     path = np.zeros(rows, dtype=np.intp)
     path[-1] = int(np.argmax(total))
     for row in range(rows - 1, 0, -1):
-        path[row - 1] = path[row] + came[row, path[row]] - JUMP
+        path[row - 1] = path[row] + steps[row, path[row]] - MAX_JUMP
     return path

@@ -1,4 +1,4 @@
-"""Edges along a front, fitted near their traces, and the choice of the one in focus."""
+"""Edges along a front, fitted near their traces, and the choice of the edge in focus."""
 
 from collections import Counter
 from dataclasses import replace
@@ -13,12 +13,13 @@ from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 
-MAX_PLACES = 2500
+MAX_POINTS = 2500
 SPACING_PX = 3.0
-FIRST_BLUR_PX = (0.5, 2.0, 8.0)
-OVERLAP = 12.0
+MIN_FIRST_BLUR_PX, FIRST_BLUR_PX, MAX_FIRST_BLUR_PX = 0.5, 2.0, 8.0
+"""Initial blur of two edges that are fitted together, and the limits within which a single fit replaces it."""
+JOINT_FIT_BLURS = 12.0
 """Distance between edges, in blurs, below which they are fitted together."""
-SHARPER = 1.25
+FOCUS_RATIO = 1.25
 """Ratio of blurs above which only the sharper of two edges is considered in focus."""
 
 
@@ -29,33 +30,32 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
     the variance of the averaged lines; both shifts are corrected.
     """
     length = float(nominal.arc_mm[-1])
-    count = int(min(MAX_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
+    count = int(min(MAX_POINTS, max(100, length * pose.px_per_mm / SPACING_PX)))
     arc = np.linspace(0.0, length, count)
     points, normals = nominal.at(arc)
-    ways = pose.direction_px(normals)
+    directions = pose.direction_px(normals)
     half_curvature = 0.5 * nominal.curvature_per_mm(arc) / pose.px_per_mm
     ordered = sorted(traced, key=lambda edge: -float(np.median(edge.offset_mm)))
     offset = np.stack([np.interp(arc, band.arc_mm, edge.offset_mm) for edge in ordered])
     offset = np.asarray(ndimage.gaussian_filter1d(offset, 3.0, mode="nearest"))
     strongest = int(np.argmax([edge.strength for edge in ordered]))
-    spaces = _spaces(offset, pose.px_per_mm)
+    separations = _separations(offset, pose.px_per_mm)
 
     def single(index: int) -> Edge:
         contour = pose.to_px(points + normals * offset[index][:, None])
-        half = max(0.5 * spaces[index], 3.0)
+        half = max(0.5 * separations[index], 3.0)
         rising = ordered[index].rising
-        return fit_edge(image.grey, contour, ways, half_px=half, ceiling=image.ceiling, rising=rising)
+        return fit_edge(image.grey, contour, directions, half_px=half, ceiling=image.ceiling, rising=rising)
 
     if len(ordered) == 2:
         blur = single(strongest).blur
-        blur = (
-            blur if FIRST_BLUR_PX[0] < blur < FIRST_BLUR_PX[2] else FIRST_BLUR_PX[1]
-        )  # single fits fail on overlapping edges
-        if spaces[0] < OVERLAP * blur:
+        if not MIN_FIRST_BLUR_PX < blur < MAX_FIRST_BLUR_PX:  # single fits fail on overlapping edges
+            blur = FIRST_BLUR_PX
+        if separations[0] < JOINT_FIT_BLURS * blur:
             middle = offset.mean(axis=0)
             contour = pose.to_px(points + normals * middle[:, None])
             at = ((offset - middle) * pose.px_per_mm).T
-            fits = fit_two_edges(image.grey, contour, ways, at, blur_px=blur, ceiling=image.ceiling)
+            fits = fit_two_edges(image.grey, contour, directions, at, blur_px=blur, ceiling=image.ceiling)
             return [_unbent(edge, half_curvature) for edge in fits]
     return [_unbent(single(index), half_curvature) for index in range(len(ordered))]
 
@@ -65,11 +65,11 @@ def _unbent(edge: Edge, half_curvature_per_px: FloatArray) -> Edge:
     return replace(edge, points_px=edge.points_px + outwards[:, None] * edge.normals)
 
 
-def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:
+def _separations(offset: FloatArray, px_per_mm: float) -> list[float]:
     """Return the median distance in px of each edge to the nearest other one; infinite for a single edge."""
-    apart = np.median(np.abs(offset[:, None] - offset[None, :]), axis=2) * px_per_mm
-    np.fill_diagonal(apart, np.inf)
-    return [float(space) for space in apart.min(axis=1)]
+    separation = np.median(np.abs(offset[:, None] - offset[None, :]), axis=2) * px_per_mm
+    np.fill_diagonal(separation, np.inf)
+    return [float(px) for px in separation.min(axis=1)]
 
 
 def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
@@ -79,7 +79,7 @@ def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
         return None
     ratio = np.where(both, np.log(outer.blur_px / np.maximum(inner.blur_px, 1e-6)), 0.0)
     smooth = ndimage.uniform_filter1d(ratio, 41) / np.maximum(ndimage.uniform_filter1d(both.astype(float), 41), 1e-3)
-    limit = np.log(SHARPER)
+    limit = np.log(FOCUS_RATIO)
     outer_softer, outer_sharper = np.mean(smooth > limit), np.mean(smooth < -limit)
     if min(outer_softer, outer_sharper) < 0.15:
         return None
@@ -102,8 +102,8 @@ def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
 
 
 def why_rejected(edges: list[Edge]) -> str:
-    """Return the most frequent reasons for rejection."""
+    """Return the two most frequent reasons for rejection, with their counts."""
     counts: Counter[str] = Counter()
     for edge in edges:
         counts.update(edge.rejected)
-    return ", ".join(f"{reason}: {count}" for reason, count in counts.most_common(2) if count) or "no reason"
+    return ", ".join(f"{reason}: {count}" for reason, count in counts.most_common(2) if count)

@@ -26,21 +26,21 @@ from solen.errors import DataError, SpecError
 from solen.metrology.image import Image, read_image
 from solen.metrology.raster import check_size, is_simulated, read_bytes
 from solen.metrology.scale import Scale, ScaleOptions, Tag, choose_scale
-from solen.metrology.tiff import MAGIC, opened_tiff, stated
+from solen.metrology.tiff import MAGIC, opened_tiff, recorded_metadata
 from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.spec.strict import Finite
 
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
-HEAD = 4000
+HEADER_BYTES = 4000
 """Number of bytes at the start of a text table that are searched for a simulation mark."""
 MIN_VALID = 0.2
 """Minimum fraction of the pixels that must have a height."""
 
 
 class HeightMapOptions(ScaleOptions):
-    """Scales of a height map."""
+    """Pixel size and height scale of a height map."""
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
     """Height of one level or unit of a height map, µm; without it the file is read as an image."""
@@ -124,28 +124,30 @@ def read_height_map(
     DataError
         If the file cannot be read, is not a grid of heights, is too large, or contains no scale.
     SpecError
-        If a specified number is not valid as a height or a pixel size.
+        If a specified number is not a valid height or pixel size.
     OutputError
         If a TIFF is to be read without the extra ``vision``.
     """
-    given = HeightMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
+    options = HeightMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
     data, file = read_bytes(path), str(path)
     if data[:4] in MAGIC:
         levels, tags, kind, simulated = _of_tiff(file, data)
     elif is_text(path):
         levels, tags, kind = _of_text(file, data), (), "height-map-text"
-        simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
+        simulated = is_simulated(
+            *(line for line in data[:HEADER_BYTES].decode("utf-8", "replace").splitlines() if "#" in line)
+        )
     else:
         raise DataError(
-            file, limit="is not a height map, which must be a TIFF or a table of numbers", remedy="export the heights"
+            file, limit="is neither a TIFF nor a table of numbers", remedy="export the heights as one of these"
         )
     valid = np.isfinite(levels)
     if valid.mean() < MIN_VALID:
-        limit = f"has heights in only {100 * valid.mean():.0f} % of its pixels"
+        limit = f"has heights in only {100 * valid.mean():.0f} % of its pixels; {100 * MIN_VALID:.0f} % are needed"
         raise DataError(file, limit=limit, remedy="measure it again with more light, or crop it to the coupon")
     if float(np.nanmax(levels)) == float(np.nanmin(levels)):
         raise DataError(file, limit="has the same height everywhere", remedy="export the heights, not a mask")
-    scale, warnings = choose_scale(file, tags, given)
+    scale, warnings = choose_scale(file, tags, options)
     if not valid.all():
         warnings.append(warning(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the height map have no height"))
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
@@ -178,7 +180,7 @@ def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, 
             raise DataError(file, limit=limit, remedy="export only the height map, not the stack")
         levels = _levels(file, np.squeeze(np.asarray(page.asarray())))
         simulated = is_simulated(str(page.description), str(page.software or ""))
-        return levels, stated(opened)[0], "height-map-tiff", simulated
+        return levels, recorded_metadata(opened)[0], "height-map-tiff", simulated
 
 
 def _levels(file: str, values: NDArray[Any]) -> FloatArray:
@@ -187,7 +189,7 @@ def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.dtype.kind not in "uif":
         raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
     if values.dtype.itemsize == 1:
-        limit = "has 8 bits, at most 256 heights: it is an image of a height map"
+        limit = "has 8 bits, at most 256 heights: it is a rendering of a height map"
         raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as floating-point numbers")
     levels = values.astype(np.float64)
     levels[~np.isfinite(levels)] = np.nan
@@ -199,7 +201,7 @@ def _of_text(file: str, data: bytes) -> FloatArray:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as bad:
-        raise DataError(file, limit=f"not UTF-8 text (byte {bad.start})", remedy="save it as UTF-8 text") from None
+        raise DataError(file, limit=f"is not UTF-8 text (byte {bad.start})", remedy="save it as UTF-8 text") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise DataError(file, limit="is empty", remedy="export it again")
@@ -219,10 +221,10 @@ def _of_text(file: str, data: bytes) -> FloatArray:
 
 
 def _splitter(line: str) -> Callable[[str], list[str]]:
-    """Return the separator of a line: semicolons or tabs, with commas as decimal marks; commas; or blanks."""
-    for sign in ";\t":
-        if sign in line:
-            return lambda row: row.replace(",", ".").strip("\r\n").split(sign)
+    """Return a function that splits lines at semicolons or tabs (decimal commas allowed), commas, or white space."""
+    for separator in ";\t":
+        if separator in line:
+            return lambda row: row.replace(",", ".").strip("\r\n").split(separator)
     if "," in line:
         return lambda row: row.split(",")
     return lambda row: re.split(r"\s+", row.strip())
@@ -235,5 +237,5 @@ def _height(cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise ValueError(f"it holds {cell[:30]!r}") from None
+        raise ValueError(f"contains {cell[:30]!r}") from None
     return value if math.isfinite(value) else math.nan

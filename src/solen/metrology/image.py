@@ -1,6 +1,6 @@
 """A micrograph as grey values with a scale.
 
-Any supported file (a TIFF with its microscope's metadata, a PNG, a photograph) is converted to one plane of grey values
+Any supported file (a TIFF with a microscope's metadata, a PNG, a photograph) is converted to one plane of grey values
 in [0, 1] with a pixel size, or is rejected with the reason: several planes, no scale, too large. The format, the size
 and the number of planes are read from the header before any pixel is decoded.
 
@@ -22,8 +22,8 @@ from solen.metrology.tiff import MAGIC, read_tiff
 from solen.ranks import Caution, warning
 from solen.recording import Provenance
 
-CLIPPED_SHARE = 1e-3
-"""Fraction of pixels at the image's highest level above which the camera is assumed to be saturated there."""
+SATURATED_FRACTION = 1e-3
+"""Fraction of pixels at the image's highest level above which the camera may have been saturated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Image:
     Attributes
     ----------
     grey
-        Shape (rows, columns), 0 to 1 of the file's range; rows run downwards in a photograph.
+        Shape (rows, columns): 0 to 1 over the file's range; the first row is at the top.
     scale
         Size of a pixel.
     bits
@@ -83,25 +83,25 @@ def read_image(
     Raises
     ------
     DataError
-        If the file cannot be read, contains several planes, is too large or too small, or states no scale.
+        If the file cannot be read, contains several planes, is too large or too small, or contains no scale.
     SpecError
-        If a given number cannot be the size of a pixel.
+        If a specified number cannot be a pixel size.
     OutputError
-        If a TIFF is given and the extra ``vision`` is missing.
+        If the file is a TIFF and the extra ``vision`` is not installed.
     """
-    given = options or ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
+    options = options or ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
     plane, source = read_plane(path)
-    scale, warnings = choose_scale(str(path), plane.tags, given)
+    scale, warnings = choose_scale(str(path), plane.tags, options)
     ceiling = _ceiling(plane.grey)
-    warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
+    warnings += [*options.rescaling_warnings(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
-        share = float(np.mean(plane.grey >= ceiling))
-        warnings.append(warning(f"{100.0 * share:.2g} % of the image is saturated: edges there are not measured"))
+        fraction = float(np.mean(plane.grey >= ceiling))
+        warnings.append(warning(f"{100.0 * fraction:.2g} % of the image is saturated: edges there are not measured"))
     return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 
 def read_plane(path: Path) -> tuple[Plane, Provenance]:
-    """Read the grey values of an image without their scale, and their provenance; raises as `read_image`."""
+    """Read the grey values of an image without their scale, and their provenance; errors are those of `read_image`."""
     data = read_bytes(path)
     plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
     rows, columns = plane.grey.shape
@@ -118,7 +118,7 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
 
 
 def png_of(path: Path) -> bytes:
-    """Return the grey values of an image as an 8-bit PNG for a browser; raises as `read_image`."""
+    """Return the grey values of an image as an 8-bit PNG for a browser; errors are those of `read_image`."""
     from PIL import Image as PillowImage
 
     plane, _ = read_plane(path)
@@ -130,7 +130,7 @@ def png_of(path: Path) -> bytes:
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:
-    """Return an array (rows, columns) of grey values 0 to 1 as an image; `DataError` if the array is not valid."""
+    """Return an array (rows, columns) of grey values 0 to 1 as an image; raise `DataError` if it is invalid."""
     if grey.ndim != 2 or not np.isfinite(grey).all():
         raise DataError(name, value=grey.shape, limit="must be rows and columns of finite grey values")
     scale, _ = choose_scale(name, (), ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px))
@@ -138,7 +138,7 @@ def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = 
 
 
 def binned(grey: FloatArray, factor: int) -> FloatArray:
-    """Return the means of blocks of ``factor`` by ``factor`` pixels; a remainder at the far sides is omitted."""
+    """Return the means of blocks of ``factor`` by ``factor`` pixels; incomplete blocks are omitted."""
     if factor == 1:
         return grey
     rows, columns = grey.shape[0] // factor, grey.shape[1] // factor
@@ -147,15 +147,15 @@ def binned(grey: FloatArray, factor: int) -> FloatArray:
 
 
 def _ceiling(grey: FloatArray) -> float:
-    """Return the highest level if enough pixels have it to indicate saturation of the camera, else infinity.
+    """Return the highest level if so many pixels have it that the camera was saturated, otherwise infinity.
 
-    An image of one level, or of two levels such as a mask, does not count as saturated.
+    An image of one level, or of two levels such as a mask, is not considered saturated.
     """
     highest, lowest = float(grey.max()), float(grey.min())
-    at_it = grey >= highest
-    if highest <= lowest or not CLIPPED_SHARE < float(at_it.mean()) < 1.0:
+    at_top = grey >= highest
+    if highest <= lowest or not SATURATED_FRACTION < float(at_top.mean()) < 1.0:
         return float("inf")
-    below = grey[~at_it]
+    below = grey[~at_top]
     step = highest - float(below.max())  # without saturation, each of the highest levels has few pixels
-    neighbours = float(np.mean((grey >= highest - 3.0 * step) & ~at_it))
-    return highest if float(at_it.mean()) > 3.0 * neighbours and float(below.max()) > lowest else float("inf")
+    neighbours = float(np.mean((grey >= highest - 3.0 * step) & ~at_top))
+    return highest if float(at_top.mean()) > 3.0 * neighbours and float(below.max()) > lowest else float("inf")

@@ -17,7 +17,7 @@ from solen.metrology.comparison import ComparedDesign, compare, comparison_warni
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
 from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
-from solen.metrology.plausibility import of_pixels
+from solen.metrology.plausibility import resolution_warnings
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
@@ -26,8 +26,8 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
 
-OTHER_SIZE, SURE_SIZE = 0.01, 3.0
-"""Relative size difference that causes a warning if it also exceeds this multiple of its uncertainty."""
+MAX_SIZE_CHANGE, SIGNIFICANT_SIGMAS = 0.01, 3.0
+"""Relative size difference that causes a warning if it also exceeds this multiple of its standard uncertainty."""
 FACES = {"sharper": "top", "softer": "bottom"}
 MIN_STEP_MM = 1e-4
 """Distance in x below which points are treated as one."""
@@ -50,15 +50,16 @@ class InspectOptions(PrintPriors, ScaleOptions):
 class FrontDeviation:
     """Deviations of a printed front from its design, positive outwards, with their uncertainty.
 
-    The rms of a perfect print would equal the edge noise: ``rms_beyond_noise_um`` excludes it, and ``u_rms_um`` covers
-    it. The largest of many deviations is biased by noise: its interval applies to all points simultaneously.
+    The RMS deviation of a perfect print would equal the edge noise: ``rms_beyond_noise_um`` excludes it, and
+    ``u_rms_um`` covers it. The largest of many deviations is biased by noise; its interval applies to all points
+    simultaneously.
 
     Attributes
     ----------
     rms_um, u_rms_um
-        Root mean square deviation and its standard uncertainty.
+        RMS deviation and its standard uncertainty.
     rms_beyond_noise_um
-        Root mean square deviation without the scatter of the edge.
+        RMS deviation without the scatter of the edge.
     max_um, u_max_um, interval95_max_um
         Deviation of largest magnitude, with its sign, its standard uncertainty and its 95 % interval.
     max_x_mm
@@ -66,9 +67,9 @@ class FrontDeviation:
     mean_um, highest_um, lowest_um, p95_um
         Mean and extremes of the deviations, and the 95th percentile of their absolute values.
     rms_of_u_um
-        Root mean square of the points' standard uncertainties, including common shifts of the edge.
+        RMS of the points' standard uncertainties, including common shifts of the edge.
     rms_um_per_percent_of_scale
-        Rms change of the deviations if the scale changes by 1 %.
+        RMS change of the deviations if the scale changes by 1 %.
     independent_values
         Number of independent values among the deviations.
     """
@@ -95,7 +96,7 @@ class FrontDeviation:
         deviation, rms, bias = fit.deviation_um, fit.rms_um, EDGE_BIAS_PX * image.um_per_px
         scatter_um = chosen.edge.measured[1][fit.used] * image.um_per_px
         beyond = float(np.sqrt(max(rms**2 - float(np.mean(scatter_um**2)), 0.0)))
-        noise = float(np.sqrt(np.mean(fit.u_um**2) / max(fit.independent, 1.0)))
+        noise = float(np.sqrt(np.mean(fit.u_um**2) / max(fit.independent_values, 1.0)))
         by_scale = float(np.mean(deviation * fit.by_scale_um)) / max(rms, 1e-9) * image.scale.u_relative
         worst = int(np.argmax(np.abs(deviation)))
         largest, u_max = float(deviation[worst]), float(np.hypot(fit.u_um[worst], bias))
@@ -114,7 +115,7 @@ class FrontDeviation:
             p95_um=float(np.quantile(np.abs(deviation), 0.95)),
             rms_of_u_um=float(np.hypot(np.sqrt(np.mean(fit.u_um**2)), bias)),
             rms_um_per_percent_of_scale=fit.um_per_percent_of_scale,
-            independent_values=fit.independent,
+            independent_values=fit.independent_values,
         )
 
 
@@ -133,9 +134,9 @@ class EdgeSummary:
     points_used
         Number of points.
     rms_um, mean_um
-        Root mean square and mean of its deviations.
+        RMS and mean of its deviations.
     outside_chosen_um
-        Median distance from the chosen edge, positive outwards; None if they have no position in common.
+        Median distance from the chosen edge, positive outwards; None if no position has both edges.
     """
 
     name: str
@@ -245,7 +246,7 @@ class LensInspection(Result):
         return self.edges[0]
 
     def profile(self) -> MeasuredProfile:
-        """Return the chosen edge as a profile z(x); `DataError` if it folds back on itself.
+        """Return the chosen edge as a profile z(x); raise `DataError` if it folds back on itself.
 
         An edge that is in focus is assigned to the top face; a single edge, or one of two that are equally sharp, to
         the mean.
@@ -254,14 +255,14 @@ class LensInspection(Result):
         fit = chosen.registration
         order = np.argsort(fit.points_mm[:, 0], kind="stable")
         x, z = fit.points_mm[order].T
-        apart = np.concatenate([[True], np.diff(x) > MIN_STEP_MM])
-        if apart.mean() < 0.5:
+        distinct = np.concatenate([[True], np.diff(x) > MIN_STEP_MM])
+        if distinct.mean() < 0.5:
             limit = "the outline folds back on itself, so it has more than one z at the same x"
             raise DataError(self.image.provenance.file, limit=limit, remedy="omit --out")
         return MeasuredProfile(
-            x[apart],
-            z[apart],
-            1e-3 * fit.u_um[order][apart],
+            x[distinct],
+            z[distinct],
+            1e-3 * fit.u_um[order][distinct],
             simulated=self.simulated,
             name=self.design,
             edge="top" if chosen.sharpest else FACES.get(chosen.name, "mean"),
@@ -310,7 +311,7 @@ def measure_lens(
     fit, bias_um = chosen.registration, EDGE_BIAS_PX * image.um_per_px
     designs = compare(chosen, designs_to_compare(design, nominal, against, seen_from), priors)
     # an edge bias with opposite signs on the left and on the right rotates the part
-    turned_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
+    u_turn_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
     return LensInspection(
         design=design.name,
         simulated=image.provenance.simulated,
@@ -321,7 +322,7 @@ def measure_lens(
         designs={design.name: design for design in designs},
         edges=tuple(EdgeSummary.of(edge, chosen) for edge in outline.edges),
         rotation_deg=(fit.pose.rotation_deg + 180.0) % 360.0 - 180.0,
-        u_rotation_deg=float(np.hypot(fit.u_rotation_deg, turned_deg)),
+        u_rotation_deg=float(np.hypot(fit.u_rotation_deg, u_turn_deg)),
         vertex_px=fit.pose.origin_px,
         u_shift_um=(float(np.hypot(fit.u_shift_um[0], bias_um)), float(np.hypot(fit.u_shift_um[1], bias_um))),
         mirrored=None if nominal.is_symmetric and seen_from is None else fit.pose.mirrored,
@@ -334,7 +335,7 @@ def measure_lens(
         u_outline_deviation_um=np.round(fit.u_um, 4),
         sources=(image.provenance,),
         warnings=(
-            *(*image.warnings, *of_pixels(image, nominal), *outline.warnings),
+            *(*image.warnings, *resolution_warnings(image, nominal), *outline.warnings),
             *(*_size_warnings(image.scale, chosen), *comparison_warnings(designs, priors.form_um)),
         ),
         image=image,
@@ -357,7 +358,7 @@ class FacesInspection(Result):
 
     @reported
     def rms_um(self) -> dict[str, float]:
-        """Root-mean-square deviation of each face."""
+        """RMS deviation of each face."""
         return {"first_layer": self.first_layer.deviation.rms_um, "last_layer": self.last_layer.deviation.rms_um}
 
     @reported
@@ -380,8 +381,8 @@ class FacesInspection(Result):
     @property
     def warnings(self) -> tuple[Caution, ...]:
         """Warnings about each face."""
-        named = (("first layer", self.first_layer), ("last layer", self.last_layer))
-        return tuple(prefixed(name, caution) for name, one in named for caution in one.warnings)
+        faces = (("first layer", self.first_layer), ("last layer", self.last_layer))
+        return tuple(prefixed(name, caution) for name, face in faces for caution in face.warnings)
 
 
 def measure_faces(
@@ -402,7 +403,9 @@ def measure_faces(
     """
     if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
         limit = f"is the same image as {top.provenance.file}"
-        raise DataError(bottom.provenance.file, limit=limit, remedy="name the image of the face on the plate")
+        raise DataError(
+            bottom.provenance.file, limit=limit, remedy="specify the image of the face that was on the plate"
+        )
     return FacesInspection(
         measure_lens(bottom, design, edge=edge, against=against, priors=priors, seen_from="bottom"),
         measure_lens(top, design, edge=edge, against=against, priors=priors, seen_from="top"),
@@ -414,22 +417,22 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     if scale.u_um_per_px is None:
         warnings.append(
             warning(
-                "the scale uncertainty is not specified (--u-um-per-px): deviations exclude it, "
-                f"and an error of 1 % in the scale changes them by {chosen.registration.um_per_percent_of_scale:.2g} "
-                f"µm (rms); scale and shrinkage are separated as if it were known to {100.0 * U_SCALE:g} "
-                "%"
+                "the uncertainty of the scale is not specified (--u-um-per-px), so the uncertainties of the deviations "
+                "do not include it: a scale error of 1 % changes the deviations by "
+                f"{chosen.registration.um_per_percent_of_scale:.2g} µm RMS; scale and shrinkage are separated with an "
+                f"assumed scale uncertainty of {100.0 * U_SCALE:g} %"
             )
         )
-    off = size.size_factor - 1.0
-    if abs(off) > OTHER_SIZE and abs(off) > SURE_SIZE * size.u_size_factor:
+    change = size.size_factor - 1.0
+    if abs(change) > MAX_SIZE_CHANGE and abs(change) > SIGNIFICANT_SIGMAS * size.u_size_factor:
         warnings.append(
             warning(
-                f"apart from its overgrowth the outline is {100.0 * abs(off):.2f} % "
-                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
+                f"apart from overgrowth, the outline is {100.0 * abs(change):.2f} % "
+                f"{'larger' if change > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
                 "or grown, or it was tilted; this image does not show which"
             )
         )
-    if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:
+    if abs(size.overgrowth_um) > SIGNIFICANT_SIGMAS * size.u_overgrowth_um:
         warnings.append(
             note(
                 f"all walls are displaced {'outwards' if size.overgrowth_um > 0.0 else 'inwards'} by "

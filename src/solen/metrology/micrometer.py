@@ -1,6 +1,6 @@
-"""The scale of an objective from an image of a stage micrometer: parallel lines at an equal, known spacing.
+"""The scale of an objective from an image of a stage micrometer: parallel lines at equal, known distances.
 
-Equally spaced lines have a single period, whatever their individual profiles. Their direction is found from the
+Such lines have a single period, whatever their profiles. Their direction is found from the
 gradients of the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or
 brightness) relative to its sides; a straight-line fit of all positions against the line numbers gives the period and
 the remaining tilt. The positions on one line share the same optical errors, so the uncertainty is based on the number
@@ -27,23 +27,25 @@ from solen.spec.strict import Finite, Options
 
 MIN_LINES = 5
 STRIPS = 12
-TURNS = 3
-"""Number of iterations that refine the direction across the lines from the line positions."""
-FILLED = 0.6
+DIRECTION_ROUNDS = 3
+"""Number of iterations that refine the direction across the lines by means of the line positions."""
+MIN_FILLED = 0.6
 """Minimum fraction of a strip's pixels for a valid profile; strips near the image corners are only partly filled."""
 REACH = 0.35
 """Half width, as a fraction of the period, of the window about a line in which its centroid is computed."""
-UNEVEN = 0.015
-"""Largest rms spacing error of the lines, as a fraction of the period, after a steady change across the image is
-removed.
+MAX_SPACING_ERROR = 0.015
+"""Largest RMS error of the line positions, as a fraction of the period, after a linear change of the spacing across the
+image is removed.
 """
 MAX_OFFSET = 0.15
-"""Largest displacement of a line, as a fraction of the period."""
-PROMINENT = 0.4
-"""Minimum contrast of a line, as a fraction of that of the strongest line."""
+"""Largest displacement of a line from its place in the sequence, as a fraction of the period."""
+MIN_PROMINENCE = 0.4
+"""Minimum contrast of a line, as a fraction of that of the strongest lines."""
 MIN_PERIOD_PX = 4.0
 STRETCH_SIGMAS = 3.0
-NORMAL = 1.96
+"""Multiple of its standard uncertainty above which a change of the spacing is significant."""
+NORMAL_95 = 1.96
+"""95 % quantile of a normal distribution, two-sided."""
 _CENTROID_ROUNDS = 3
 
 
@@ -68,15 +70,15 @@ class MeasuredScale(Measured, kw_only=True):
     um_per_px, u_um_per_px
         Side of a pixel in the object, and its standard uncertainty.
     spacing_mm, u_spacing_mm
-        Distance of the micrometer's lines, and its standard uncertainty; None if none is specified.
+        Spacing of the micrometer's lines, and its standard uncertainty; None if not specified.
     lines
         Number of lines.
     period_px, u_period_px
-        Distance of the lines in the image, and its standard uncertainty.
+        Spacing of the lines in the image, and its standard uncertainty.
     angle_deg
         Angle of the direction across the lines from the image's rows.
     rms_um
-        Residuals of the lines' positions (rms).
+        RMS residual of the line positions.
     stretch_percent
         Change of the scale from one side of the image to the other; None if it is not significant.
     columns, rows
@@ -113,11 +115,11 @@ class MeasuredScale(Measured, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class _Ruler:
-    """Equally spaced lines: line numbers, positions (n, strips), NaN if missing, and the strip centres."""
+    """Equally spaced lines: their numbers (n,), positions (n, strips), NaN if missing, and the strip centres."""
 
     number: IntArray
-    places: FloatArray
-    strip_at: FloatArray
+    positions: FloatArray
+    strip_centres: FloatArray
 
 
 def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOptions) -> MeasuredScale:
@@ -129,18 +131,18 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
         If the image shows too few lines, or lines that are not equally spaced.
     """
     across = _direction(grey)
-    for _ in range(TURNS):
+    for _ in range(DIRECTION_ROUNDS):
         ruler = _ruler(grey, across, source.file)
         number, line_at, tilt = _fit_lines(ruler)
         across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
-    period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _fit_spacing(number, line_at)
-    if uneven_px > UNEVEN * period_px:
-        raise _no_lines(source.file, f"lines whose spacing varies by {100.0 * uneven_px / period_px:.2g} %")
-    square = math.hypot(1.0, tilt)
+    period_px, u_fit, quadratic, u_quadratic, residuals, rms_px = _fit_spacing(number, line_at)
+    if rms_px > MAX_SPACING_ERROR * period_px:
+        raise _no_lines(source.file, f"lines that deviate from equal spacing by {100.0 * rms_px / period_px:.2g} % RMS")
+    secant = math.hypot(1.0, tilt)
     stretch = 2.0 * quadratic * float(np.ptp(number)) / period_px
-    seen = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
-    u_period = math.hypot(u_fit, abs(stretch) * period_px / math.sqrt(12.0) if seen else 0.0) / square
-    period_px /= square
+    significant = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
+    u_period = math.hypot(u_fit, abs(stretch) * period_px / math.sqrt(12.0) if significant else 0.0) / secant
+    period_px /= secant
     um_per_px = 1e3 * options.spacing_mm / period_px
     u_spacing = (options.u_spacing_mm or 0.0) / options.spacing_mm
     rows, columns = grey.shape
@@ -155,48 +157,47 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
         period_px=period_px,
         u_period_px=u_period,
         angle_deg=(angle + 90.0) % 180.0 - 90.0,
-        rms_um=float(np.sqrt(np.mean(left**2))) * um_per_px,
-        stretch_percent=100.0 * stretch if seen else None,
+        rms_um=float(np.sqrt(np.mean(residuals**2))) * um_per_px,
+        stretch_percent=100.0 * stretch if significant else None,
         columns=columns,
         rows=rows,
         sources=(source,),
-        warnings=tuple(_warnings(options, number, 100.0 * stretch if seen else None)),
+        warnings=tuple(_warnings(options, number, 100.0 * stretch if significant else None)),
     )
 
 
 def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
-    """Find the equally spaced lines of an image, given the direction across them."""
+    """Return the equally spaced lines of an image, given the direction across them."""
     profile = _profiles(grey, across, 1)[0][0]
     sign, period = _period(profile, file)
     flat = sign * (profile - ndimage.uniform_filter1d(profile, round(2.0 * period), mode="nearest"))
     top = float(np.percentile(flat, 99.5))
-    peaks, _ = signal.find_peaks(flat, prominence=PROMINENT * top, distance=max(0.6 * period, 1.0))
+    peaks, _ = signal.find_peaks(flat, prominence=MIN_PROMINENCE * top, distance=max(0.6 * period, 1.0))
     number = np.rint((peaks - peaks[len(peaks) // 2]) / period).astype(np.int64)
     for _ in range(2):
         slope, start = np.polyfit(number, peaks, 1)
         number = np.rint((peaks - start) / slope).astype(np.int64)
-    on = np.abs(peaks - start - slope * number) < MAX_OFFSET * slope
-    on &= np.append(True, np.diff(number) > 0)
-    if on.sum() < MIN_LINES:
-        raise _no_lines(file, f"{int(on.sum())} even lines")
-    strips, strip_at = _profiles(grey, across, STRIPS)
-    places = np.array(
+    accepted = np.abs(peaks - start - slope * number) < MAX_OFFSET * slope
+    accepted &= np.append(True, np.diff(number) > 0)
+    if accepted.sum() < MIN_LINES:
+        raise _no_lines(file, f"{int(accepted.sum())} equally spaced lines")
+    strips, strip_centres = _profiles(grey, across, STRIPS)
+    positions = np.array(
         [
-            [_centroid(sign * strip, float(peak), float(slope), PROMINENT * top) for strip in strips]
-            for peak in peaks[on]
+            [_centroid(sign * strip, float(peak), float(slope), MIN_PROMINENCE * top) for strip in strips]
+            for peak in peaks[accepted]
         ]
     )
-    kept = np.isfinite(places).sum(axis=1) >= 2
+    kept = np.isfinite(positions).sum(axis=1) >= 2
     if kept.sum() < MIN_LINES:
         raise _no_lines(file, f"{int(kept.sum())} lines that cross the image")
-    return _Ruler(number[on][kept], places[kept], strip_at)
+    return _Ruler(number[accepted][kept], positions[kept], strip_centres)
 
 
-def _no_lines(file: str, value: str) -> DataError:
-    limit = f"must show at least {MIN_LINES} uniformly spaced parallel lines, at least {MIN_PERIOD_PX:g} pixels apart"
-    return DataError(
-        file, value=value, limit=limit, remedy="take a sharp image of the finest division that the objective resolves"
-    )
+def _no_lines(file: str, content: str) -> DataError:
+    needed = f"at least {MIN_LINES} equally spaced parallel lines, at least {MIN_PERIOD_PX:g} pixels apart, are needed"
+    remedy = "take a sharp image of the finest division that the objective resolves"
+    return DataError(file, limit=f"shows {content}; {needed}", remedy=remedy)
 
 
 def _direction(grey: FloatArray) -> FloatArray:
@@ -209,7 +210,7 @@ def _direction(grey: FloatArray) -> FloatArray:
 
 
 def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[FloatArray], FloatArray]:
-    """Return mean grey values against the distance across the lines, in strips along them, and the strip centres.
+    """Return mean grey values against the distance across the lines, for strips along them, and the strip centres.
 
     A value is divided between the two nearest pixels of the profile, which broadens all lines equally and displaces
     none. Parts of a strip outside the image are NaN in its profile.
@@ -222,106 +223,106 @@ def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[F
     length = math.ceil(np.ptp(s)) + 3
     first = float(s.min()) - 1.0
     low, high = np.percentile(t, [2.0, 98.0])
-    which = np.clip(((t - low) / (high - low) * strips).astype(np.int64), 0, strips - 1).ravel()
+    strip_of_pixel = np.clip(((t - low) / (high - low) * strips).astype(np.int64), 0, strips - 1).ravel()
     at = (s - first).ravel()
-    near = at.astype(np.int64)
-    share, made = at - near, []
+    pixel = at.astype(np.int64)
+    fraction, profiles = at - pixel, []
     for strip in range(strips):
-        inside = which == strip
+        inside = strip_of_pixel == strip
         total, weight = np.zeros(length), np.zeros(length)
-        for step, part in ((0, 1.0 - share[inside]), (1, share[inside])):
-            total += np.bincount(near[inside] + step, part * grey.ravel()[inside], length)
-            weight += np.bincount(near[inside] + step, part, length)
-        full = weight > FILLED * weight.max()
-        values = np.interp(np.arange(length), np.flatnonzero(full), total[full] / weight[full])
-        made.append(np.where(full, values, np.nan) if strips > 1 else values)
-    return made, low + (np.arange(strips) + 0.5) * (high - low) / strips
+        for step, weight_of in ((0, 1.0 - fraction[inside]), (1, fraction[inside])):
+            total += np.bincount(pixel[inside] + step, weight_of * grey.ravel()[inside], length)
+            weight += np.bincount(pixel[inside] + step, weight_of, length)
+        filled = weight > MIN_FILLED * weight.max()
+        values = np.interp(np.arange(length), np.flatnonzero(filled), total[filled] / weight[filled])
+        profiles.append(np.where(filled, values, np.nan) if strips > 1 else values)
+    return profiles, low + (np.arange(strips) + 0.5) * (high - low) / strips
 
 
 def _period(profile: FloatArray, file: str) -> tuple[float, float]:
-    """Return 1 for bright lines or -1 for dark ones, and their spacing in pixels, from the autocorrelation."""
+    """Return 1 for bright lines or -1 for dark ones, and their spacing in pixels from the autocorrelation."""
     level = profile - ndimage.median_filter(profile, size=max(5, len(profile) // 8), mode="nearest")
     sign = 1.0 if np.mean(level**3) > 0.0 else -1.0
     line = np.maximum(sign * level, 0.0)
     line = line - line.mean()
-    together = signal.correlate(line, line, method="fft")[len(line) - 1 :]
-    together = together / np.arange(len(line), 0, -1)
-    peaks, _ = signal.find_peaks(together[: len(line) // 2], prominence=0.2 * together[0])
+    autocorrelation = signal.correlate(line, line, method="fft")[len(line) - 1 :]
+    autocorrelation = autocorrelation / np.arange(len(line), 0, -1)
+    peaks, _ = signal.find_peaks(autocorrelation[: len(line) // 2], prominence=0.2 * autocorrelation[0])
     peaks = peaks[peaks >= MIN_PERIOD_PX]
-    if not len(peaks) or not together[0] > 0.0:
-        raise _no_lines(file, "no period")
-    strong = peaks[together[peaks] > 0.5 * together[peaks].max()]
+    if not len(peaks) or not autocorrelation[0] > 0.0:
+        raise _no_lines(file, "no periodic lines")
+    strong = peaks[autocorrelation[peaks] > 0.5 * autocorrelation[peaks].max()]
     return sign, float(strong[0])
 
 
-def _centroid(line: FloatArray, peak: float, period: float, least: float) -> float:
+def _centroid(line: FloatArray, peak: float, period: float, min_contrast: float) -> float:
     """Return the position of a bright line near a peak: the centroid above its sides; NaN below a minimum contrast."""
     at, reach = peak, REACH * period
     for _ in range(_CENTROID_ROUNDS):
         low, high = at - reach, at + reach
         if low < 0.0 or high > len(line) - 1:
             return math.nan
-        places = np.linspace(low, high, max(9, 2 * math.ceil(2.0 * reach) + 1))
-        values = np.interp(places, np.arange(len(line)), line)
-        over = np.maximum(values - np.linspace(values[0], values[-1], len(values)), 0.0)
-        if not over.sum() > 0.0:  # also NaN where the strip is outside the image
+        positions = np.linspace(low, high, max(9, 2 * math.ceil(2.0 * reach) + 1))
+        values = np.interp(positions, np.arange(len(line)), line)
+        excess = np.maximum(values - np.linspace(values[0], values[-1], len(values)), 0.0)
+        if not excess.sum() > 0.0:  # also NaN where the strip is outside the image
             return math.nan
-        at = float(over @ places / over.sum())
+        at = float(excess @ positions / excess.sum())
         if abs(at - peak) > REACH * period:
             return math.nan
-    return at if float(over.max()) > least else math.nan
+    return at if float(excess.max()) > min_contrast else math.nan
 
 
 def _fit_lines(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
-    """Return line numbers, positions (n,) at the centre of the strips, and the common slope along the strips."""
-    t = ruler.strip_at - ruler.strip_at.mean()
-    seen = np.isfinite(ruler.places)
-    t_all = np.where(seen, t, 0.0)
-    middle_t = t_all.sum(axis=1) / seen.sum(axis=1)
-    middle = np.where(seen, ruler.places, 0.0).sum(axis=1) / seen.sum(axis=1)
-    off_t = np.where(seen, t - middle_t[:, None], 0.0)
-    off = np.where(seen, ruler.places - middle[:, None], 0.0)
+    """Return line numbers, positions (n,) at the mean strip centre, and the common slope along the lines."""
+    t = ruler.strip_centres - ruler.strip_centres.mean()
+    valid = np.isfinite(ruler.positions)
+    t_all = np.where(valid, t, 0.0)
+    middle_t = t_all.sum(axis=1) / valid.sum(axis=1)
+    middle = np.where(valid, ruler.positions, 0.0).sum(axis=1) / valid.sum(axis=1)
+    off_t = np.where(valid, t - middle_t[:, None], 0.0)
+    off = np.where(valid, ruler.positions - middle[:, None], 0.0)
     slope = float((off_t * off).sum() / (off_t**2).sum())
-    left = np.where(seen, off - slope * off_t, np.nan)
-    limit = 4.0 * 1.4826 * float(np.nanmedian(np.abs(left))) + 1e-9
-    good = seen & (np.abs(np.nan_to_num(left)) <= limit)
+    residuals = np.where(valid, off - slope * off_t, np.nan)
+    limit = 4.0 * 1.4826 * float(np.nanmedian(np.abs(residuals))) + 1e-9
+    good = valid & (np.abs(np.nan_to_num(residuals)) <= limit)
     count = good.sum(axis=1)
     kept = count >= 2
-    places = np.where(good, ruler.places - slope * t, 0.0).sum(axis=1)[kept] / count[kept]
-    return ruler.number[kept], places, slope
+    positions = np.where(good, ruler.positions - slope * t, 0.0).sum(axis=1)[kept] / count[kept]
+    return ruler.number[kept], positions, slope
 
 
-def _fit_spacing(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
-    """Return the spacing of the lines and the quadratic term, their uncertainties, and the residuals of the positions.
+def _fit_spacing(number: IntArray, positions: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
+    """Return the spacing of the lines and the quadratic term, each followed by its uncertainty, and the residuals.
 
-    The last value is the rms residual after the quadratic term.
+    The last value is the RMS residual that remains with the quadratic term.
     """
     x = number - number.mean()
-    wanted = np.vander(x, 3, increasing=True)
-    solution, *_ = np.linalg.lstsq(wanted, places, rcond=None)
-    free = max(len(x) - 3, 1)
-    left = places - wanted @ solution
-    covariance = np.linalg.inv(wanted.T @ wanted) * float(left @ left) / free
-    line = np.polyfit(x, places, 1)
-    residuals = places - np.polyval(line, x)
-    few = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL  # the scatter of few lines is uncertain
-    even = math.sqrt(float(residuals @ residuals) / (len(x) - 2) / float(x @ x))
-    u = few * max(even, _u_of_uneven(x, residuals))
+    powers = np.vander(x, 3, increasing=True)
+    solution, *_ = np.linalg.lstsq(powers, positions, rcond=None)
+    freedom = max(len(x) - 3, 1)
+    remainder = positions - powers @ solution
+    covariance = np.linalg.inv(powers.T @ powers) * float(remainder @ remainder) / freedom
+    line = np.polyfit(x, positions, 1)
+    residuals = positions - np.polyval(line, x)
+    t_factor = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL_95  # the scatter of a few lines is uncertain
+    u_uniform = math.sqrt(float(residuals @ residuals) / (len(x) - 2) / float(x @ x))
+    u = t_factor * max(u_uniform, _u_of_slope(x, residuals))
     return (
         float(line[0]),
         u,
         float(solution[2]),
         math.sqrt(float(covariance[2, 2])),
         residuals,
-        float(np.sqrt(np.mean(left**2))),
+        float(np.sqrt(np.mean(remainder**2))),
     )
 
 
-def _u_of_uneven(x: FloatArray, residuals: FloatArray) -> float:
+def _u_of_slope(x: FloatArray, residuals: FloatArray) -> float:
     """Return the standard uncertainty of a slope for points (n,) with unequal scatter.
 
     It uses residuals over 1 − leverage: lines near the image corners are short, so their positions scatter more, and
-    they influence the slope most (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
+    they have the largest influence on the slope (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
     """
     leverage = 1.0 / len(x) + x**2 / float(x @ x)
     return float(np.sqrt(np.sum((x * residuals / (1.0 - leverage)) ** 2))) / float(x @ x)
@@ -332,8 +333,8 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     if options.u_spacing_mm is None:
         warnings.append(
             warning(
-                "the micrometer's own uncertainty is not specified (--u-spacing-mm), so the "
-                "scale uncertainty excludes it"
+                "the uncertainty of the micrometer's spacing is not specified (--u-spacing-mm), so that of the "
+                "scale does not include it"
             )
         )
     if stretch_percent is not None:

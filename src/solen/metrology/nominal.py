@@ -27,16 +27,17 @@ SeenFrom = Literal["top", "bottom"]
 TOLERANCE_MM = 1e-6
 """Maximum distance of the dense points' chords from the exact curve: a nanometre."""
 SPACING_MM = 2e-3
-WALL = 0.35
+WALL_LENGTH = 0.35
 """Length of the walls behind the front that help to find the lens, as a fraction of its width."""
-PAST_CORNER = 0.25
-"""Part of a wall next to the corner that is not evaluated, as a fraction of the wall's length."""
+CORNER_FRACTION = 0.25
+"""Fraction of a wall next to the corner that is not evaluated."""
 END_MM = 0.03
-"""Length at each end of the front that is omitted, because no step along a normal fits a corner."""
-NEAR_END = 0.25
+"""Length at each end of the front that is omitted, because near a corner the profile along a normal is not a step."""
+END_FRACTION = 0.25
 """Fraction of the front at each end in which points may belong to the adjacent wall."""
 SYMMETRIC_MM = 1e-4
-FLATTEST = 0.01
+"""Largest distance of a symmetric front from its mirror image."""
+MIN_SAG_RATIO = 0.01
 """Ratio of sag to chord below which a front cannot be registered."""
 VERTEX_SAMPLES = 2001
 """Number of points among which the vertex of a drawn front is searched for."""
@@ -49,11 +50,11 @@ class NearestPoints:
     Attributes
     ----------
     arc_mm
-        Shape (N,): length of the front up to that position.
+        Shape (N,): arc length of the front up to that position.
     deviation_mm
         Shape (N,): distance, positive outwards.
     normals
-        Shape (N, 2): outward unit normals there.
+        Shape (N, 2): outward unit normals at that position.
     beyond
         Shape (N,): whether the position is an end of the front.
     """
@@ -85,18 +86,18 @@ class NominalFront:
 
     @classmethod
     def of(cls, name: str, front: Curve, left: Sequence[Curve] = (), right: Sequence[Curve] = ()) -> "NominalFront":
-        """Return the outline of curves: the front from left to right, and walls that start at its ends, piece by piece.
+        """Return the outline of a front that runs from left to right, and of walls whose pieces begin at its ends.
 
-        Raise `DataError` for a front that is nearly straight.
+        Raise `DataError` if the front is nearly straight.
         """
         points = _dense(front)
         chord = points[-1] - points[0]
         offset = points - points[0]
         sag = np.abs(chord[0] * offset[:, 1] - chord[1] * offset[:, 0]).max() / np.hypot(*chord)
-        if sag < FLATTEST * np.hypot(*chord):
+        if sag < MIN_SAG_RATIO * np.hypot(*chord):
             limit = "its front is nearly flat, so an image of it cannot be registered to the design"
             raise DataError(name, limit=limit, remedy="inspect a design with a lens")
-        reach = WALL * float(np.hypot(*chord))
+        reach = WALL_LENGTH * float(np.hypot(*chord))
         return cls(name, points, _cut(left, reach), _cut(right, reach))
 
     @property
@@ -110,48 +111,51 @@ class NominalFront:
         return outward(self.front_mm)
 
     def curvature_per_mm(self, arc_mm: FloatArray) -> FloatArray:
-        """Return the curvature (N,) at lengths along the front, positive if the material is convex."""
+        """Return the curvature (N,) at arc lengths along the front, positive if the material is convex."""
         turned = np.unwrap(np.arctan2(self.normals[:, 1], self.normals[:, 0]))
         return np.asarray(np.interp(arc_mm, self.arc_mm, np.gradient(turned, self.arc_mm)))
 
     @cached_property
     def arc_mm(self) -> FloatArray:
-        """Length of the front up to each of its points."""
+        """Arc length of the front up to each of its points."""
         return arc_lengths(self.front_mm)
 
     @cached_property
     def walls(self) -> tuple["NominalFront", ...]:
-        """The left and the right wall beyond their corners, each with its material on the left as for the front."""
-        past = [(wall[arc_lengths(wall) > PAST_CORNER * _length(wall)], side) for wall, side in self._sides]
-        return tuple(NominalFront(self.name, wall[::side], *_NO_WALLS) for wall, side in past if len(wall) > 1)
+        """The left and the right wall beyond their corners, each with the material on its left, as for the front."""
+        trimmed = [(wall[arc_lengths(wall) > CORNER_FRACTION * _length(wall)], side) for wall, side in self._sides]
+        return tuple(NominalFront(self.name, wall[::side], *_NO_WALLS) for wall, side in trimmed if len(wall) > 1)
 
     @property
     def _sides(self) -> tuple[tuple[FloatArray, int], ...]:
-        """Left and right wall, and 1 if its points run in the direction of the front."""
+        """Left and right wall, each with 1 if its points run in the direction of the front, otherwise -1."""
         return (self.left_mm, -1), (self.right_mm, 1)
 
-    def corner_moved(self, larger: float, grown: float) -> FloatArray:
-        """Return the displacements (2,) of the left and the right corner outwards along the front when it grows."""
+    def corner_shifts(self, enlargement: float, growth_mm: float) -> FloatArray:
+        """Return the displacements (2,) of the left and right corners outwards along the front.
+
+        They are due to a relative enlargement, and to a growth that moves front and walls outwards.
+        """
         moved = [
-            (larger * self.front_mm[at] + grown * _mitre(self.normals[at], wall, side)) @ away
-            for (wall, side), at, away in zip(self._sides, (0, -1), self._away, strict=True)
+            (enlargement * self.front_mm[at] + growth_mm * _mitre(self.normals[at], wall, side)) @ tangent
+            for (wall, side), at, tangent in zip(self._sides, (0, -1), self._outward_tangents, strict=True)
         ]
         return np.array(moved)
 
-    def before_corners(self, points_mm: FloatArray, arc_mm: FloatArray, moved_mm: FloatArray) -> BoolArray:
-        """Return whether points (N, 2) with feet at lengths (N,) are on the front and not on a wall or a corner.
+    def on_front(self, points_mm: FloatArray, arc_mm: FloatArray, shifts_mm: FloatArray) -> BoolArray:
+        """Return whether points (N, 2) with feet at arc lengths (N,) are on the front and not on a wall or a corner.
 
-        Corners are further out along the front than designed by ``moved_mm`` (2,).
+        The corners are shifted outwards along the front by ``shifts_mm`` (2,).
         """
-        share = arc_mm / self.arc_mm[-1]
+        fraction = arc_mm / self.arc_mm[-1]
         left, right = (
-            (points_mm - self.front_mm[at]) @ away < moved - END_MM
-            for at, away, moved in zip((0, -1), self._away, moved_mm, strict=True)
+            (points_mm - self.front_mm[at]) @ tangent < shift - END_MM
+            for at, tangent, shift in zip((0, -1), self._outward_tangents, shifts_mm, strict=True)
         )
-        return np.asarray((left | (share > NEAR_END)) & (right | (share < 1.0 - NEAR_END)))
+        return np.asarray((left | (fraction > END_FRACTION)) & (right | (fraction < 1.0 - END_FRACTION)))
 
     @cached_property
-    def _away(self) -> tuple[FloatArray, FloatArray]:
+    def _outward_tangents(self) -> tuple[FloatArray, FloatArray]:
         """Unit vectors (2,) along the front, outwards at its left and its right end."""
         left, right = self.front_mm[0] - self.front_mm[1], self.front_mm[-1] - self.front_mm[-2]
         return left / np.hypot(*left), right / np.hypot(*right)
@@ -163,7 +167,7 @@ class NominalFront:
         return bool(np.abs(self.nearest(mirrored).deviation_mm).max() < SYMMETRIC_MM)
 
     def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return points (N, 2) and outward unit normals (N, 2) at lengths along the front."""
+        """Return points (N, 2) and outward unit normals (N, 2) at arc lengths along the front."""
         normals = interpolated(arc_mm, self.arc_mm, self.normals)
         return interpolated(arc_mm, self.arc_mm, self.front_mm), normals / np.hypot(*normals.T)[:, None]
 
@@ -172,18 +176,18 @@ class NominalFront:
         _, vertex = self._tree.query(points_mm)
         last = len(self.front_mm) - 2
         before, after = np.clip(vertex - 1, 0, last), np.clip(vertex, 0, last)
-        (share_before, square_before), (share_after, square_after) = (
+        (fraction_before, square_before), (fraction_after, square_after) = (
             self._foot(points_mm, segment) for segment in (before, after)
         )
-        later = square_after < square_before
-        segment, share = np.where(later, after, before), np.where(later, share_after, share_before)
-        start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
-        on_segment, length = np.clip(share, 0.0, 1.0), np.hypot(*way.T)
+        use_after = square_after < square_before
+        segment, fraction = np.where(use_after, after, before), np.where(use_after, fraction_after, fraction_before)
+        start, chord = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
+        on_segment, length = np.clip(fraction, 0.0, 1.0), np.hypot(*chord.T)
         arc = self.arc_mm[segment] + on_segment * length
-        away = points_mm - start - on_segment[:, None] * way
-        right = np.stack([way[:, 1], -way[:, 0]], axis=1) / length[:, None]
-        beyond = ((segment == 0) & (share < 0.0)) | ((segment == last) & (share > 1.0))
-        deviation = np.where(np.sum(away * right, axis=1) < 0.0, -1.0, 1.0) * np.hypot(*away.T)
+        offset = points_mm - start - on_segment[:, None] * chord
+        normal = np.stack([chord[:, 1], -chord[:, 0]], axis=1) / length[:, None]
+        beyond = ((segment == 0) & (fraction < 0.0)) | ((segment == last) & (fraction > 1.0))
+        deviation = np.where(np.sum(offset * normal, axis=1) < 0.0, -1.0, 1.0) * np.hypot(*offset.T)
         return NearestPoints(arc, deviation, self.at(arc)[1], beyond)
 
     @cached_property
@@ -191,18 +195,18 @@ class NominalFront:
         return cKDTree(self.front_mm)
 
     def _foot(self, points: FloatArray, segment: IndexArray) -> tuple[FloatArray, FloatArray]:
-        """Return the feet of perpendiculars on segments, as a fraction of their length, and the squared distances."""
-        start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
-        share = np.sum((points - start) * way, axis=1) / np.sum(way * way, axis=1)
-        away = points - start - np.clip(share, 0.0, 1.0)[:, None] * way
-        return share, np.sum(away * away, axis=1)
+        """Return the feet of perpendiculars as fractions of the segments, and the squared distances to the segments."""
+        start, chord = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
+        fraction = np.sum((points - start) * chord, axis=1) / np.sum(chord * chord, axis=1)
+        offset = points - start - np.clip(fraction, 0.0, 1.0)[:, None] * chord
+        return fraction, np.sum(offset * offset, axis=1)
 
 
 def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = None) -> NominalFront:
     """Return the front of a design, with its adjacent walls.
 
-    For a lens that varies with height, this is the front of the visible face: that of the last layer from the top, or
-    of the first layer from the bottom.
+    For a lens that varies with height, it is the front of the visible face: of the last layer if seen from the top, of
+    the first layer if seen from the bottom.
 
     Raises
     ------
@@ -216,15 +220,17 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     if sensor.is_drawn:
         return _drawn_front(name, sensor.body().upright())
     if not sensor.has_lens:
-        raise DataError(name, limit="has no lens with which to compare an image", remedy="inspect a design with a lens")
+        raise DataError(
+            name, limit="has no lens with which an image could be compared", remedy="inspect a design with a lens"
+        )
     body = section(sensor.body(), _height_mm(sensor.lens, seen_from))
     walls = {face.name: face.curve for face in body.all_faces}
     front = walls.get("lens", sensor.lens.front)
-    beside = []
+    adjacent = []
     for side, end in (("left", front.start), ("right", front.end)):
-        named = (walls.get(f"{part}-{side}") for part in ("side", "stem"))
-        beside.append([_starting_near(wall, end) for wall in named if wall is not None])
-    return NominalFront.of(name, front, *beside)
+        pieces = (walls.get(f"{name}-{side}") for name in ("side", "stem"))
+        adjacent.append([_starting_near(wall, end) for wall in pieces if wall is not None])
+    return NominalFront.of(name, front, *adjacent)
 
 
 def _height_mm(lens: Lens, seen_from: SeenFrom | None) -> float:
@@ -245,11 +251,11 @@ def _length(points: FloatArray) -> float:
 
 
 def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
-    """Return a corner's displacement (2,) if front and wall (if there is one) both move outwards by 1."""
+    """Return the displacement (2,) of a corner if the front and its wall, if it has one, move outwards by 1."""
     if len(wall) < 2:
         return normal
-    beside = side * outward(wall)[0]
-    return np.asarray((normal + beside) / (1.0 + normal @ beside))
+    wall_normal = side * outward(wall)[0]
+    return np.asarray((normal + wall_normal) / (1.0 + normal @ wall_normal))
 
 
 def _starting_near(wall: Curve, point: tuple[float, float]) -> Curve:
@@ -264,26 +270,26 @@ def _drawn_front(name: str, body: Body) -> NominalFront:
         raise DataError(name, limit=limit, remedy="draw the front as one path on a layer called lens")
     curve = fronts[0].curve
     (x0, z0), (x1, z1) = curve.start, curve.end
-    level = curve.moved(Rigid.about((x0, z0), -math.degrees(math.atan2(z1 - z0, x1 - x0))))
-    lowest = float(level.points(np.linspace(0.0, 1.0, VERTEX_SAMPLES))[:, 1].min())
-    middle = 0.5 * (level.start[0] + level.end[0])
-    return NominalFront.of(name, level.moved(Rigid(shift=(-middle, -lowest))))
+    levelled = curve.moved(Rigid.about((x0, z0), -math.degrees(math.atan2(z1 - z0, x1 - x0))))
+    lowest = float(levelled.points(np.linspace(0.0, 1.0, VERTEX_SAMPLES))[:, 1].min())
+    middle = 0.5 * (levelled.start[0] + levelled.end[0])
+    return NominalFront.of(name, levelled.moved(Rigid(shift=(-middle, -lowest))))
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """Return the length (N,) of a polyline (N, 2) up to each of its points."""
+    """Return the arc length (N,) of a polyline (N, 2) up to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def interpolated(at: FloatArray, arc: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Interpolate vectors (N, 2), given at lengths ``arc`` (N,) along a polyline, at lengths (M,)."""
+    """Return vectors (M, 2) at arc lengths (M,), interpolated between vectors (N, 2) at arc lengths ``arc`` (N,)."""
     return np.stack([np.interp(at, arc, vectors[:, i]) for i in (0, 1)], axis=1)
 
 
 def outward(points: FloatArray) -> FloatArray:
     """Return unit normals (N, 2), to the right of the direction of the points."""
-    way = np.gradient(points, axis=0)
-    return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
+    tangent = np.gradient(points, axis=0)
+    return np.asarray(np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) / np.hypot(*tangent.T)[:, None])
 
 
 def _dense(curve: Curve) -> FloatArray:

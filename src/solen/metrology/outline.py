@@ -2,8 +2,8 @@
 
 The design only defines where to search and in which directions; the position of an edge is determined by the grey
 values alone. A thick transparent part shows the rims of its upper and lower faces. If both run along the front, both
-are measured and named `outer` and `inner` by their position. If one is clearly sharper than the other, it belongs to
-the face on which the microscope was focused, usually the upper one, and is used as the outline.
+are measured and named `outer` and `inner` by their position. If one is clearly sharper than the other, it is the edge
+of the face on which the microscope was focused, usually the upper one, and is used as the outline.
 
 `measure_outline` returns an `Outline` with its edges in order along the front, the chosen one first.
 """
@@ -18,23 +18,23 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.metrology.edge import Edge
 from solen.metrology.edge_tracing import MAX_EDGES, Band, TracedEdge, trace_edges
-from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
+from solen.metrology.front_edges import FOCUS_RATIO, by_focus, edges_along, why_rejected
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, SeenFrom
 from solen.metrology.plausibility import (
     check_scale,
     check_seen,
     check_shape,
-    cropped,
-    merged_edges,
-    missing_ends,
+    crop_warnings,
+    end_warnings,
+    merged_edge_warnings,
     no_lens,
-    odd_width,
     part_width_mm,
     wall_edges,
+    width_warnings,
 )
 from solen.metrology.pose import Pose
-from solen.metrology.print_fit import PrintFit, PrintPriors, Traced, fit_print
+from solen.metrology.print_fit import PrintFit, PrintPriors, TracedOutline, fit_print
 from solen.metrology.registration import Registration, register
 from solen.metrology.template_match import Match, match_template
 from solen.ranks import Caution, do_not_use, warning
@@ -45,16 +45,17 @@ REACH = 0.08
 REACH_PX = 14.0
 """Minimum of this distance in pixels: image noise is estimated near the edge, not on it."""
 MIN_SCORE = 0.08
+"""Minimum score of a match."""
 MIN_KEPT = 0.4
 """Minimum fraction of the positions in the image that must have an edge."""
-RIVAL = 0.9
-SIDES = 0.8
-"""Ratio of rms deviations above which the viewing side is uncertain."""
-
+RIVAL_SCORE = 0.9
+"""Score relative to the best one above which another region also looks like the lens."""
+MAX_SIDE_RATIO = 0.8
+"""Ratio of RMS deviations above which the viewing side is uncertain."""
 
 UNKNOWN_SIDE = warning(
     "the design is mirror-symmetric, so the image does not show which face is visible: left and "
-    "right, and the sign of asymmetries, may be exchanged (--seen-from top or bottom)"
+    "right, and the sign of asymmetries, may be exchanged; set --seen-from to top or bottom"
 )
 
 
@@ -79,7 +80,7 @@ class NamedEdge:
     name: str
     edge: Edge
     registration: Registration
-    traced: Traced
+    traced: TracedOutline
     size: PrintFit
     sharpest: bool = False
 
@@ -158,7 +159,7 @@ def measure_outline(
     sides = (False, True) if seen_from is None else (seen_from == "bottom",)
     match, warnings = _match(image, nominal, sides[:1] if nominal.is_symmetric else sides)
     pose, band, traced = _traced(image, match.pose, nominal)
-    check_seen(image, band.share_seen)
+    check_seen(image, band.fraction_seen)
     if not traced:
         raise no_lens(image, nominal, "there is no edge along its expected front")
     edges = edges_along(image, pose, nominal, band, traced)
@@ -167,7 +168,7 @@ def measure_outline(
     pose, side_warnings = _side(edges, pose, nominal, sides)
     walls = walls if pose.mirrored == traced_side else walls[::-1]
     width = part_width_mm([wall[0] if wall else None for wall in walls], pose, nominal)
-    named = _named(edges, walls, image, _Prior(pose, nominal, priors))
+    named = _named(edges, walls, image, _RegistrationInputs(pose, nominal, priors))
     if not named:
         why = f"less than {MIN_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})"
         raise no_lens(image, nominal, why)
@@ -176,23 +177,24 @@ def measure_outline(
     check_shape(image, nominal, chosen.edge, chosen.registration, width)
     x = chosen.registration.points_mm[:, 0]
     ends = (float(x.min()), float(x.max()))
-    warnings += [*side_warnings, *choice_warnings, *cropped(band.share_seen, ends)]
-    warnings += [*missing_ends(chosen.edge), *odd_width(width, nominal)]
+    warnings += [*side_warnings, *choice_warnings, *crop_warnings(band.fraction_seen, ends)]
+    warnings += [*end_warnings(chosen.edge), *width_warnings(width, nominal)]
     if len(named) == 1:
-        warnings += merged_edges([wall[0] if wall else None for wall in walls], chosen.edge)
-    return Outline(tuple(ordered), band.share_seen, ends, width, tuple(warnings))
+        warnings += merged_edge_warnings([wall[0] if wall else None for wall in walls], chosen.edge)
+    return Outline(tuple(ordered), band.fraction_seen, ends, width, tuple(warnings))
 
 
 def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
     """Return the location of the lens, and a warning about other candidates; ``sides`` are allowed mirror states."""
-    matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
-    matches.sort(key=lambda one: -one.score)
+    searches = (match_template(image.grey, image.um_per_px, nominal, mirrored=mirrored) for mirrored in sides)
+    matches = [match for search in searches for match in search]
+    matches.sort(key=lambda match: -match.score)
     if not matches or matches[0].score < MIN_SCORE:
         raise no_lens(image, nominal, "nothing in the image has the shape of the lens at this scale")
-    best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
+    best, min_px = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
     x, y = best.pose.origin_px
     rivals = sum(
-        match.score > RIVAL * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > far
+        match.score > RIVAL_SCORE * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > min_px
         for match in matches
     )
     caution = f"{rivals + 1} regions look like the lens: the region with its vertex at ({x:.0f}, {y:.0f}) px is used"
@@ -204,18 +206,18 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
     reach_mm = max(REACH * nominal.width_mm, REACH_PX * 1e-3 * image.um_per_px)
     band = Band.of(image.grey, pose, nominal, reach_mm)
     for _ in range(2):
-        first = trace_edges(band, most=1)
-        if not first:
+        strongest = trace_edges(band, max_edges=1)
+        if not strongest:
             return pose, band, []
         points, normals = nominal.at(band.arc_mm)
-        places = pose.to_px(points + normals * first[0].offset_mm[:, None])[first[0].shown]
-        pose = register(places, np.ones(len(places)), pose, nominal).pose
+        positions = pose.to_px(points + normals * strongest[0].offset_mm[:, None])[strongest[0].shown]
+        pose = register(positions, np.ones(len(positions)), pose, nominal).pose
         band = Band.of(image.grey, pose, nominal, reach_mm)
     return pose, band, trace_edges(band)
 
 
 @dataclass(frozen=True, eq=False)
-class _Prior:
+class _RegistrationInputs:
     """Inputs for the registration of an edge: an initial pose, the design, and priors of the print."""
 
     pose: Pose
@@ -225,61 +227,66 @@ class _Prior:
     def named(self, name: str, edge: Edge, walls: Sequence[Edge | None], image: Image, *, sharpest: bool) -> NamedEdge:
         """Return an edge with its name, fit and registration."""
         scale = image.scale
-        traced = Traced.of(edge, walls, self.pose, None if scale.u_um_per_px is None else scale.u_relative)
+        traced = TracedOutline.of(edge, walls, self.pose, None if scale.u_um_per_px is None else scale.u_relative)
         size = fit_print(traced, self.nominal, self.priors)
-        laid = register(*edge.measured, self.pose, self.nominal, scale.u_relative, size.on_front)
-        return NamedEdge(name, edge, laid, traced, size, sharpest)
+        registration = register(*edge.measured, self.pose, self.nominal, scale.u_relative, size.on_front)
+        return NamedEdge(name, edge, registration, traced, size, sharpest)
 
 
-def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
+def _named(
+    edges: list[Edge], walls: Sequence[list[Edge]], image: Image, inputs: _RegistrationInputs
+) -> list[NamedEdge]:
     """Return the edges, with names, of which a sufficient part can be measured."""
-    kept = [edge for edge in edges if edge.share_kept >= MIN_KEPT]
-    beside = [_walls_of(walls, edges.index(edge), len(edges)) for edge in kept]
-    names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
-    if len(kept) == 2 and (crossed := by_focus(*kept)) is not None:
-        kept, names, beside = list(crossed), ("sharper", "softer"), [(), ()]
-    elif len(kept) == 1:
+    measurable = [edge for edge in edges if edge.fraction_kept >= MIN_KEPT]
+    wall_sets = [_walls_of(walls, edges.index(edge), len(edges)) for edge in measurable]
+    names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(measurable) - 1)), "inner")
+    if len(measurable) == 2 and (crossed := by_focus(*measurable)) is not None:
+        measurable, names, wall_sets = list(crossed), ("sharper", "softer"), [(), ()]
+    elif len(measurable) == 1:
         names = ("single",)
-    sharpest = min((edge.blur for edge in kept), default=0.0)
+    sharpest = min((edge.blur for edge in measurable), default=0.0)
     return [
-        prior.named(
+        inputs.named(
             name,
             edge,
-            of_walls,
+            edge_walls,
             image,
-            sharpest=len(kept) > 1
+            sharpest=len(measurable) > 1
             and edge.blur == sharpest
-            and all(e is edge or e.blur > SHARPER * edge.blur for e in kept),
+            and all(other is edge or other.blur > FOCUS_RATIO * edge.blur for other in measurable),
         )
-        for name, edge, of_walls in zip(names, kept, beside, strict=False)
+        for name, edge, edge_walls in zip(names, measurable, wall_sets, strict=False)
     ]
 
 
-def _walls_of(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
+def _walls_of(walls: Sequence[list[Edge]], index: int, count: int) -> tuple[Edge | None, ...]:
     """Return the edge of each wall that continues an edge of the front, or None if their edge counts differ."""
-    return tuple(wall[place] if len(wall) == count else None for wall in walls)
+    return tuple(wall[index] if len(wall) == count else None for wall in walls)
 
 
 def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[Caution]]:
     """Return the pose with the allowed mirror state that fits the edge best, and a warning if that is uncertain."""
-    edge = max(edges, key=lambda one: one.share_kept)
+    edge = max(edges, key=lambda edge: edge.fraction_kept)
     if nominal.is_symmetric:
         return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []
-    if edge.share_kept < MIN_KEPT:
+    if edge.fraction_kept < MIN_KEPT:
         return pose, []
-    both = [pose, replace(pose, mirrored=not pose.mirrored)]
-    best, other = sorted((register(*edge.measured, side, nominal) for side in both), key=lambda fit: fit.rms_um)
+    poses = [pose, replace(pose, mirrored=not pose.mirrored)]
+    best, other = sorted((register(*edge.measured, side, nominal) for side in poses), key=lambda fit: fit.rms_um)
     if best.pose.mirrored not in sides:
-        seen = "bottom" if best.pose.mirrored else "top"
-        doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, compared with "
-        stated = f"{other.rms_um:.3g} for the side specified with --seen-from): check which face the image shows"
-        return other.pose, [do_not_use(f"{doubt}{stated}")]
-    if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
+        face = "bottom" if best.pose.mirrored else "top"
+        return other.pose, [
+            do_not_use(
+                f"the front fits the design better as seen from the {face} ({best.rms_um:.3g} µm RMS, compared with "
+                f"{other.rms_um:.3g} µm for the side specified with --seen-from): check which face the image shows"
+            )
+        ]
+    if len(sides) == 1 or best.rms_um <= MAX_SIDE_RATIO * other.rms_um:
         return best.pose, []
     return best.pose, [
         warning(
             f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} "
-            "µm rms): the image may show it from either side (--seen-from)"
+            "µm RMS): the image may show it from either side (--seen-from)"
         )
     ]
 
@@ -289,17 +296,17 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     if len(named) == 1:
         without_choice = choice in {"inner", "sharper"}
         return named, [warning(f"only one edge is visible: --edge {choice} has no effect")] if without_choice else []
-    by_name = {one.name: one for one in named}
-    sharp = next((one for one in named if one.sharpest or one.name == "sharper"), None)
+    by_name = {edge.name: edge for edge in named}
+    sharp = next((edge for edge in named if edge.sharpest or edge.name == "sharper"), None)
     if choice == "sharper" and sharp is None:
-        raise DataError("--edge", value=choice, limit="no edge is clearly sharper", remedy="name outer or inner")
+        raise DataError("--edge", value=choice, limit="no edge is clearly sharper", remedy="set it to outer or inner")
     chosen = by_name.get(choice) or sharp or named[0]
-    others = [one for one in named if one is not chosen]
+    others = [edge for edge in named if edge is not chosen]
     gaps = ", ".join(f"{np.median(np.abs(other.outside_um(chosen))):.0f} µm" for other in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
-    caution = (
-        f"{len(named)} edges are visible ({', '.join(one.name for one in named)}; {gaps} apart): {why} edge is used"
+    text = (
+        f"{len(named)} edges are visible ({', '.join(edge.name for edge in named)}; {gaps} apart): {why} edge is used"
     )
     if chosen is not sharp and choice == "auto":
-        caution += " because none is sharper; the image does not show to which face the edge belongs (--edge)"
-    return [chosen, *others], [warning(caution)]
+        text += " because none is sharper; the image does not show to which face the edge belongs (--edge)"
+    return [chosen, *others], [warning(text)]

@@ -1,4 +1,4 @@
-"""An image as one plane of grey values, with the checks of every format; Pillow reads PNG, JPEG, BMP and others."""
+"""Images as one plane of grey values, with the checks common to all formats; Pillow reads PNG, JPEG, BMP and others."""
 
 import io
 import math
@@ -22,18 +22,18 @@ from solen.ranks import Caution, warning
 
 MAX_MB = 1_000
 MAX_PIXELS = 100_000_000
-MIN_PIXELS = 32
+MIN_SIDE_PX = 32
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of red, green and blue in the luminance (ITU-R BT.709)."""
-COLOURED = 0.02
-"""Mean channel difference below which an image counts as grey."""
+MAX_CHANNEL_DIFFERENCE = 0.02
+"""Mean difference between the channels above which an image is coloured."""
 BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr": 8, "I;16": 16, "I;16B": 16, "I": 16}
-PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
+CONVERTED = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
 EXIF_UM = {2: 25_400.0, 3: 10_000.0}
 LOSSY = {"JPEG", "MPO", "WEBP"}
 BLOCK, NO_DATA = 8, 128
 """Number of rows in a block of a JPEG, and the value that Pillow gives to pixels without data."""
-TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
+ORIENTATIONS: dict[int, Callable[[FloatArray], FloatArray]] = {
     2: np.fliplr,
     3: lambda a: np.rot90(a, 2),
     4: np.flipud,
@@ -42,7 +42,7 @@ TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     7: lambda a: np.rot90(a, 2).T,
     8: np.rot90,
 }
-"""Rotation that makes an image upright, by its orientation tag (TIFF 6.0)."""
+"""Rotations and reflections that make an image upright, keyed by orientation tag (TIFF 6.0)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +61,18 @@ class Plane:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file; `DataError` if it cannot be read, is empty or exceeds `MAX_MB`."""
+    """Return the bytes of a file; raise `DataError` if it cannot be read, is empty or exceeds `MAX_MB`."""
     return files.read_bytes(path, DataError, max_mb=MAX_MB, remedy="crop it to the part")
 
 
 def check_size(file: str, columns: int, rows: int) -> None:
     """Raise `DataError` if an image is too large to be decoded or too small to show anything."""
     if columns * rows >= MAX_PIXELS:
-        limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
+        limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must have fewer than 100"
         raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
-    if min(columns, rows) < MIN_PIXELS:
+    if min(columns, rows) < MIN_SIDE_PX:
         raise DataError(
-            file, limit=f"has {columns} x {rows} pixels; at least {MIN_PIXELS} in each direction are needed"
+            file, limit=f"has {columns} x {rows} pixels; at least {MIN_SIDE_PX} in each direction are needed"
         )
 
 
@@ -98,16 +98,16 @@ def readable(file: str) -> Iterator[None]:
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
 
-def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
+def luminance(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
     """Return the luminance of (rows, columns, 3), and a warning if the image is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
     caution = warning("the image is coloured: its luminance is evaluated, and colour fringes of a lens can shift edges")
-    return values @ LUMINANCE, (caution,) if spread > COLOURED else ()
+    return values @ LUMINANCE, (caution,) if spread > MAX_CHANNEL_DIFFERENCE else ()
 
 
 def upright(grey: FloatArray, orientation: int) -> FloatArray:
-    """Return an image rotated according to its orientation tag (1 to 8)."""
-    return np.ascontiguousarray(TURNED[orientation](grey)) if orientation in TURNED else grey
+    """Return an image rotated and reflected according to its orientation tag (1 to 8)."""
+    return np.ascontiguousarray(ORIENTATIONS[orientation](grey)) if orientation in ORIENTATIONS else grey
 
 
 def is_simulated(*texts: str) -> bool:
@@ -125,7 +125,7 @@ def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
 
 
 def read_raster(file: str, data: bytes) -> Plane:
-    """Return the plane of an image that Pillow reads; `DataError` if it has several frames or is damaged."""
+    """Return the plane of an image that Pillow reads; raise `DataError` if it has several frames or is damaged."""
     with readable(file), Pillow.open(io.BytesIO(data)) as opened:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)
@@ -135,28 +135,28 @@ def read_raster(file: str, data: bytes) -> Plane:
             )
         kind, exif = opened.format or "image", opened.getexif()
         tags = _tags(opened, kind)
-        grey, bits, warned = _grey(file, opened)
+        grey, bits, cautions = _grey(file, opened)
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
-        words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
+        camera = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
             lossy = f"{kind} compression is lossy: its blocks of 8 pixels shift edges; TIFF or PNG avoid this"
-            warned = (*warned, warning(lossy))
+            cautions = (*cautions, warning(lossy))
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
             bits,
             tags,
             kind.lower(),
-            " ".join(word for word in words if word),
+            " ".join(name for name in camera if name),
             str(exif.get(ExifTags.Base.DateTime, "")),
             texts,
             is_simulated(*texts.values()),
-            warned,
+            cautions,
         )
 
 
 def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tuple[Caution, ...]]:
     mode = opened.mode
-    plain = opened.convert(PLAIN[mode]) if mode in PLAIN else opened
+    plain = opened.convert(CONVERTED[mode]) if mode in CONVERTED else opened
     values = np.asarray(plain)
     if opened.format in {"JPEG", "MPO"} and np.all(values[-BLOCK:] == NO_DATA):
         raise DataError(file, limit="is damaged: its data end before its last rows", remedy="export it again")
@@ -171,14 +171,14 @@ def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tupl
         return levels, bits, ()
     if levels.shape[2] == 4:
         if float(levels[..., 3].min()) < 1.0:
-            raise DataError(file, limit="is transparent in places", remedy="save it without an alpha channel")
+            raise DataError(file, limit="is partly transparent", remedy="save it without an alpha channel")
         levels = levels[..., :3]
-    grey, warned = brightness(levels)
-    return grey, bits, warned
+    grey, cautions = luminance(levels)
+    return grey, bits, cautions
 
 
 def _tags(opened: Pillow.Image, kind: str) -> tuple[Tag, ...]:
-    """Return the resolutions that the file states: PNG pHYs and JFIF density as dpi, and that of the Exif data."""
+    """Return the resolutions recorded in the file: PNG pHYs or JFIF density, which Pillow gives in dpi, and Exif."""
     tags = []
     dpi = opened.info.get("dpi")
     if dpi is not None and min(dpi) > 0.0:

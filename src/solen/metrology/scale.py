@@ -2,7 +2,7 @@
 
 A wrong scale makes every length wrong without any visible sign, so only values written by a measuring program are
 trusted. Microscope software writes its calibration (OME-XML, ImageJ) or a fine resolution tag; office and photo
-programs write 72 or 300 dpi into every file, which is the size for printing it.
+programs write 72 or 300 dpi into every file, which only defines its size on paper.
 
 Public names: `Scale`, `Tag`, `choose_scale`, `ScaleOptions` and `ScaleFile`.
 """
@@ -36,15 +36,15 @@ from solen.spec.strict import (
 SCALE_SCHEMA = 1
 SCALE_MIGRATIONS: Migrations = {}
 Count = Annotated[int, Field(strict=True, ge=1)]
-SAME = 0.01
-"""Maximum relative difference of scales that count as equal."""
+MAX_DIFFERENCE = 0.01
+"""Maximum relative difference of scales that are treated as equal."""
 MAX_TAG_UM = 20.0
 """Pixel size above which a plain resolution tag (below 1,270 dpi) is meant for printing, not written by a
 microscope.
 """
 CLICK_PX, MIN_BAR_PX = 1.0, 10.0
 """Standard uncertainty of a clicked position, and the shortest scale bar."""
-SQUARE = 1e-3
+MAX_SIDE_DIFFERENCE = 1e-3
 """Maximum relative difference between the sides of a square pixel."""
 REMEDY = (
     "measure a stage micrometer at the same magnification (solen print scale) and "
@@ -64,13 +64,13 @@ class ScaleFile(Strict):
     um_per_px: Positive = Field(description="Pixel size in the object plane, µm.")
     u_um_per_px: NotNegative = Field(description="Standard uncertainty of the pixel size, µm.")
     columns: Count = Field(description="Number of columns of the image in which the pixel size was measured.")
-    rows: Count = Field(description="number of rows of that image.")
+    rows: Count = Field(description="Number of rows of that image.")
     source: str = Field("", description="Reference standard used for the measurement.")
     simulated: bool = Field(False, description="Whether the image was simulated.")
 
 
 def read_scale(path: Path) -> ScaleFile:
-    """Read the scale from a file that `solen print scale` wrote; `DataError` if it is not a scale file."""
+    """Read the scale from a file that `solen print scale` wrote; raise `DataError` if it is not a scale file."""
     data = migrated(
         parse_toml(read_text(path, DataError), str(path), DataError),
         str(path),
@@ -83,7 +83,7 @@ def read_scale(path: Path) -> ScaleFile:
 
 
 def scale_text(scale: ScaleFile) -> str:
-    """Return the TOML text of a scale, which `read_scale` reads back."""
+    """Return the TOML text of a scale for `read_scale`."""
     return tomli_w.dumps({"schema": SCALE_SCHEMA, **scale.model_dump()})
 
 
@@ -107,16 +107,16 @@ class ScaleOptions(Options):
     def _from_file(cls, data: dict[str, Any]) -> dict[str, Any]:
         for name in ("scale", "bar"):
             if data.get(name) is not None:
-                cls._check_alone(data, name)
+                cls._check_exclusive(data, name)
         if data.get("bar") is not None:
-            return data | _of_bar(data["bar"])
+            return data | _scale_of_bar(data["bar"])
         if data.get("scale") is None:
             return data
         scale = read_scale(Path(data["scale"]))
         return data | {"um_per_px": scale.um_per_px, "u_um_per_px": scale.u_um_per_px}
 
     @classmethod
-    def _check_alone(cls, data: dict[str, Any], name: str) -> None:
+    def _check_exclusive(cls, data: dict[str, Any], name: str) -> None:
         """Raise `SpecError` if the pixel size is specified twice."""
         for key in ("um_per_px", "u_um_per_px", *(("scale",) if name == "bar" else ())):
             if data.get(key) is not None:
@@ -125,29 +125,29 @@ class ScaleOptions(Options):
                 raise SpecError(option, value=str(data[key]), limit=limit, remedy="omit one")
 
     @model_validator(mode="after")
-    def _states_it_once(self) -> Self:
+    def _unset_derived_fields(self) -> Self:
         if self.scale is not None or self.bar is not None:
             self.model_fields_set.difference_update(("um_per_px", "u_um_per_px"))  # set by the file or the bar
         return self
 
-    def rescaled(self, rows: int, columns: int) -> list[Caution]:
-        """Return a warning if an image has the same proportions as the image used for the scale but another size."""
+    def rescaling_warnings(self, rows: int, columns: int) -> list[Caution]:
+        """Return a warning if an image is a resized version of the one in which the scale was measured."""
         if self.scale is None:
             return []
-        taken = read_scale(self.scale)
-        factor = columns / taken.columns
-        if columns == taken.columns or abs(rows / taken.rows / factor - 1.0) > SAME:
+        reference = read_scale(self.scale)
+        factor = columns / reference.columns
+        if columns == reference.columns or abs(rows / reference.rows / factor - 1.0) > MAX_DIFFERENCE:
             return []
         return [
             warning(
-                f"the image has {columns} x {rows} pixels, and the scale was measured in an image "
-                f"of {taken.columns} x {taken.rows}: if it was binned or rescaled, a pixel is "
-                f"{taken.um_per_px / factor:.6g} µm"
+                f"the image has {columns} x {rows} pixels, and the scale was measured in an image of "
+                f"{reference.columns} x {reference.rows}: if this image was binned or rescaled, its pixel size is "
+                f"{reference.um_per_px / factor:.6g} µm"
             )
         ]
 
 
-def _of_bar(bar: Any) -> dict[str, float]:
+def _scale_of_bar(bar: Any) -> dict[str, float]:
     """Return the pixel size from two points and their distance, with its uncertainty; empty for invalid values."""
     try:
         x0, z0, x1, z1, length_um = map(float, bar)
@@ -206,12 +206,12 @@ class Tag:
     calibrated: bool = False
 
     @property
-    def why_rejected(self) -> str:
+    def rejection(self) -> str:
         """Reason why the tag is not a scale; empty if it is valid."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
             return f"{self.origin} is not a pixel size"
-        if abs(self.x_um / self.y_um - 1.0) > SQUARE:
+        if abs(self.x_um / self.y_um - 1.0) > MAX_SIDE_DIFFERENCE:
             return f"{self.origin} specifies pixels of {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
         if not self.calibrated and self.x_um > MAX_TAG_UM:
             return (
@@ -222,27 +222,27 @@ class Tag:
         return ""
 
 
-def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[Caution]]:
-    """Choose the scale of an image; return it with warnings.
+def choose_scale(file: str, tags: Sequence[Tag], options: ScaleOptions) -> tuple[Scale, list[Caution]]:
+    """Return the scale of an image, with warnings.
 
-    The user's value takes precedence, with a warning if a usable tag differs by more than `SAME`: a wrong tag must not
-    make an image unusable, and an outline of known size reveals a wrong value.
+    The user's value takes precedence, with a warning if a usable tag differs by more than `MAX_DIFFERENCE`: a wrong tag
+    must not make an image unusable, and an outline of known size reveals a wrong value.
 
     Raises
     ------
     DataError
-        If the image has no scale, or only an impossible one.
+        If the image has no scale, or only an invalid one.
     SpecError
-        If the specified uncertainty is half the scale or more.
+        If the specified uncertainty is half the pixel size or more.
     """
-    usable = sorted((tag for tag in tags if not tag.why_rejected), key=lambda tag: not tag.calibrated)
-    if given.um_per_px is not None:
-        scale, warnings = Scale(given.um_per_px, given.u_um_per_px), _contradictions(given.um_per_px, usable)
+    usable = sorted((tag for tag in tags if not tag.rejection), key=lambda tag: not tag.calibrated)
+    if options.um_per_px is not None:
+        scale, warnings = Scale(options.um_per_px, options.u_um_per_px), _contradictions(options.um_per_px, usable)
     elif usable:
         first, warnings = usable[0], _ambiguities(usable)
-        scale = Scale(0.5 * (first.x_um + first.y_um), given.u_um_per_px, first.origin)
+        scale = Scale(0.5 * (first.x_um + first.y_um), options.u_um_per_px, first.origin)
     else:
-        reasons = [tag.why_rejected for tag in tags]
+        reasons = [tag.rejection for tag in tags]
         raise DataError(file, limit=reasons[0] if reasons else "does not specify the pixel size", remedy=REMEDY)
     if scale.u_relative >= 0.5:
         limit = f"must be below half of {scale.um_per_px:g} µm per pixel"
@@ -257,7 +257,7 @@ def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
             f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
         )
         for tag in usable
-        if abs(um_per_px / tag.x_um - 1.0) > SAME
+        if abs(um_per_px / tag.x_um - 1.0) > MAX_DIFFERENCE
     ]
 
 
@@ -270,7 +270,7 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
             f"{first.x_um:.6g}: the latter is used"
         )
         for other in usable[1:]
-        if abs(other.x_um / first.x_um - 1.0) > SAME
+        if abs(other.x_um / first.x_um - 1.0) > MAX_DIFFERENCE
     ]
     if not first.calibrated:
         warnings.append(

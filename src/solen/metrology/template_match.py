@@ -2,11 +2,11 @@
 
 Whether a lens is bright on dark, dark on bright, or transparent with dark rims, the grey value changes across its
 outline. The image is downsampled, and its gradients are divided by their own magnitude so that one bright reflection
-counts no more than a faint edge. For each of many rotations, the squared cosine between gradient and normal is summed
-over the design's outline for all positions at once, by Fourier transforms. The highest sum indicates the lens. A
+has no more weight than a faint edge. For each of many rotations, the squared cosine between gradient and normal is
+summed over the design's outline for all positions at once, by Fourier transforms. The highest sum indicates the lens. A
 cropped lens has a lower sum, and dust does not have the shape of a lens.
 
-`match_template` returns a list of `Match`, each a pose and its score, best first.
+`match_template` returns a list of `Match`, each a pose and its score, the best first.
 """
 
 import math
@@ -31,7 +31,7 @@ FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SMOOTH_PX = 1.2
 WALL_WEIGHT = 0.5
 """Weight of the walls behind the front, which a print may lack."""
-PEAKS = 3
+MAX_PEAKS = 3
 REACH_PX = 4
 """Distance, in downsampled pixels, around a position within which its peak is searched for."""
 
@@ -66,41 +66,43 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
     level = Pose(0.0, (0.0, 0.0), coarse_um, mirrored)
     poses = [replace(level, rotation_deg=float(angle)) for angle in np.arange(0.0, 360.0, STEP_DEG)]
     coarse = [match for pose in poses for match in gradients.matches(template, pose)]
-    apart = _distinct(sorted(coarse, key=lambda match: -match.score), 0.25 * across / factor)
-    fine = [_refined(gradients, match, template) for match in apart]
+    distinct = _distinct(sorted(coarse, key=lambda match: -match.score), 0.25 * across / factor)
+    fine = [_refined(gradients, match, template) for match in distinct]
     return [
         Match(replace(match.pose, origin_px=_full_px(match.pose.origin_px, factor), um_per_px=um_per_px), match.score)
         for match in sorted(fine, key=lambda match: -match.score)
     ]
 
 
-def _full_px(place: tuple[float, float], factor: int) -> tuple[float, float]:
+def _full_px(position_px: tuple[float, float], factor: int) -> tuple[float, float]:
     """Return the full-resolution image position of a position in the downsampled image."""
     middle = 0.5 * (factor - 1)
-    return (place[0] * factor + middle, place[1] * factor + middle)
+    return (position_px[0] * factor + middle, position_px[1] * factor + middle)
 
 
 def _refined(gradients: "_Gradients", match: Match, template: "_Template") -> Match:
     """Return the best pose at rotations between those of the coarse search."""
     poses = [replace(match.pose, rotation_deg=match.pose.rotation_deg + by) for by in FINE_DEG]
-    tried = [one for pose in poses for one in gradients.matches(template, pose, near=match.pose.origin_px)]
-    return max(tried, key=lambda one: one.score, default=match)
+    candidates = [
+        candidate for pose in poses for candidate in gradients.matches(template, pose, near=match.pose.origin_px)
+    ]
+    return max(candidates, key=lambda candidate: candidate.score, default=match)
 
 
-def _distinct(matches: list[Match], least_px: float) -> list[Match]:
-    """Return the first matches that differ in origin or rotation."""
+def _distinct(matches: list[Match], min_px: float) -> list[Match]:
+    """Return the first `MAX_PEAKS` matches that differ in origin or rotation."""
     kept: list[Match] = []
     for match in matches:
-        if all(_differ(match.pose, other.pose, least_px) for other in kept):
+        if all(_differ(match.pose, other.pose, min_px) for other in kept):
             kept.append(match)
-        if len(kept) == PEAKS:
+        if len(kept) == MAX_PEAKS:
             break
     return kept
 
 
-def _differ(pose: Pose, other: Pose, least_px: float) -> bool:
+def _differ(pose: Pose, other: Pose, min_px: float) -> bool:
     turn = abs((pose.rotation_deg - other.rotation_deg + 180.0) % 360.0 - 180.0)
-    return math.dist(pose.origin_px, other.origin_px) > least_px or turn > 30.0
+    return math.dist(pose.origin_px, other.origin_px) > min_px or turn > 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,7 @@ class _Template:
     points_mm: FloatArray
     normals: FloatArray
     weights: FloatArray
-    apart_px: int
+    separation_px: int
 
     @classmethod
     def of(cls, nominal: NominalFront, um_per_px: float) -> "_Template":
@@ -119,12 +121,12 @@ class _Template:
         points, normals, weights = [], [], []
         for line, weight in parts:
             arc = arc_lengths(line)
-            at = np.arange(0.0, arc[-1], um_per_px / 1e3)
-            points.append(interpolated(at, arc, line))
-            normals.append(interpolated(at, arc, outward(line)))
-            weights.append(np.full(len(at), weight))
-        apart = max(4, int(0.1 * nominal.width_mm * 1e3 / um_per_px))
-        return cls(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), apart)
+            arc_samples = np.arange(0.0, arc[-1], um_per_px / 1e3)
+            points.append(interpolated(arc_samples, arc, line))
+            normals.append(interpolated(arc_samples, arc, outward(line)))
+            weights.append(np.full(len(arc_samples), weight))
+        separation = max(4, int(0.1 * nominal.width_mm * 1e3 / um_per_px))
+        return cls(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), separation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +150,11 @@ class _Gradients:
         return cls(spectra, (rows, columns), padded)
 
     def matches(self, template: _Template, pose: Pose, near: tuple[float, float] | None = None) -> Iterator[Match]:
-        """Return the best origins at a pose's rotation; near a specified position only the best one."""
+        """Yield matches at a pose's rotation with the best origins; near a specified position, only the best one."""
         scores = self._scores(replace(pose, origin_px=(0.0, 0.0)), template)
         rows, columns = self.padded
-        reach = np.arange(-template.apart_px, template.apart_px + 1)
-        for _ in range(1 if near is not None else PEAKS):
+        reach = np.arange(-template.separation_px, template.separation_px + 1)
+        for _ in range(1 if near is not None else MAX_PEAKS):
             row, column = divmod(int(np.argmax(scores)), columns) if near is None else _highest_near(scores, near)
             score = float(scores[row, column])
             scores[np.ix_((row + reach) % rows, (column + reach) % columns)] = 0.0
@@ -172,9 +174,9 @@ class _Gradients:
         return np.asarray(fft.irfft2(total, self.padded) / template.weights.sum())
 
 
-def _unwrapped(at: int, padded: int, own: int) -> int:
+def _unwrapped(at: int, padded: int, size: int) -> int:
     """Return a position along an axis; positions before the image's first pixel are at the far end of the padding."""
-    return at - padded if at >= 1.5 * own else at
+    return at - padded if at >= 1.5 * size else at
 
 
 def _highest_near(scores: FloatArray, near: tuple[float, float]) -> tuple[int, int]:

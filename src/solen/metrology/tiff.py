@@ -1,4 +1,4 @@
-"""TIFF as written by microscopes: OME-TIFF, ImageJ, and plain TIFF with a resolution, read by tifffile."""
+"""TIFF files of microscopes: OME-TIFF, ImageJ, and plain TIFF with a resolution, read by tifffile."""
 
 import io
 import logging
@@ -14,11 +14,11 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.metrology.raster import (
     Plane,
-    brightness,
     check_size,
     check_vision,
     float_levels,
     is_simulated,
+    luminance,
     readable,
     upright,
 )
@@ -34,16 +34,16 @@ UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
 AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
 WHITE_IS_ZERO, PALETTE = 0, 3
 MAX_SAMPLES = 4
-"""Largest number of samples per pixel: red, green, blue and one more."""
+"""Maximum number of samples per pixel: red, green, blue and alpha."""
 
 
 @contextmanager
 def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
-    """Open a TIFF; `DataError` if it is damaged, `OutputError` without the extra ``vision``."""
+    """Open a TIFF; raise `DataError` if it is damaged, and `OutputError` without the extra ``vision``."""
     check_vision(file)
     import tifffile
 
-    logger = logging.getLogger("tifffile")  # what it logs about a damaged file is also raised
+    logger = logging.getLogger("tifffile")  # the errors that it logs are also raised
     before, logger.disabled = logger.disabled, True
     try:
         with readable(file), tifffile.TiffFile(io.BytesIO(data)) as opened:
@@ -54,7 +54,15 @@ def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
 
 
 def read_tiff(file: str, data: bytes) -> Plane:
-    """Read a plane of a TIFF; `DataError` if it is damaged or has several planes; `OutputError` without ``vision``."""
+    """Read the plane of a TIFF.
+
+    Raises
+    ------
+    DataError
+        If the file is damaged or has several planes.
+    OutputError
+        If the extra ``vision`` is not installed.
+    """
     with opened_tiff(file, data) as opened:
         if not opened.series:
             raise DataError(file, limit="contains no image", remedy="export it again")
@@ -62,8 +70,8 @@ def read_tiff(file: str, data: bytes) -> Plane:
         if page.samplesperpixel > MAX_SAMPLES:
             raise DataError(file, limit=f"has {page.samplesperpixel} values per pixel", remedy="export one plane")
         _check_planes(file, opened, opened.series[0])
-        grey, bits, warned = _grey(file, page, _decoded(file, data, page))
-        tags, instrument, date = stated(opened)
+        grey, bits, cautions = _grey(file, page, _decoded(file, data, page))
+        tags, instrument, date = recorded_metadata(opened)
         software = str(page.software or "")
         return Plane(
             upright(grey, int(_value(page, "Orientation", 1))),
@@ -74,24 +82,24 @@ def read_tiff(file: str, data: bytes) -> Plane:
             date or str(_value(page, "DateTime", "")),
             {"software": software} if software else {},
             is_simulated(page.description, str(opened.imagej_metadata or ""), software),
-            warned,
+            cautions,
         )
 
 
-def stated(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
-    """Return the pixel sizes recorded in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
+def recorded_metadata(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
+    """Return the pixel sizes recorded in a TIFF, and the instrument and date in its OME-XML, empty if missing."""
     tags, instrument, date = _ome(opened.ome_metadata or "") if opened.is_ome else ((), "", "")
     return (*tags, *_imagej(opened), *_resolution(opened)), instrument, date
 
 
 def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
-    """Raise `DataError`, naming the axis, for more than one plane; resolution levels count once."""
+    """Raise `DataError`, naming the axis, for more than one plane; the levels of a pyramid are treated as one."""
     for axis, size in zip(series.axes, series.shape, strict=True):
         if axis not in "YXS" and size > 1:
             what = AXES.get(axis, "{} planes along " + axis).format(size)
             raise DataError(file, limit=f"contains {what}", remedy="export the single plane to be measured")
     if len(opened.series) > 1:
-        shapes = {one.shape for one in opened.series}
+        shapes = {stored.shape for stored in opened.series}
         limit = f"contains {len(opened.series)} images of {len(shapes)} size{'s' * (len(shapes) > 1)}"
         raise DataError(file, limit=limit, remedy="export the one to be measured")
 
@@ -99,7 +107,7 @@ def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     """Return the pixels of the page; Pillow decodes them if tifffile needs another package for the compression."""
     parts, needed = sum(count > 0 for count in page.databytecounts), math.prod(page.chunked)
-    if not page.is_contiguous and parts < needed:  # tifffile reads those that are missing as black
+    if not page.is_contiguous and parts < needed:  # tifffile reads missing parts as black
         raise DataError(file, value=f"{parts} of {needed} parts", limit="is incomplete", remedy="export it again")
     try:
         return np.asarray(page.asarray())
@@ -134,8 +142,8 @@ def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int |
         levels = values.astype(np.float64) / (2.0**bits - 1.0)
     else:
         raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
-    grey, warned = brightness(levels) if levels.ndim == 3 else (levels, ())
-    return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, warned
+    grey, cautions = luminance(levels) if levels.ndim == 3 else (levels, ())
+    return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, cautions
 
 
 def _value(page: Any, name: str, otherwise: Any) -> Any:
@@ -148,7 +156,7 @@ def _ome(xml: str) -> tuple[tuple[Tag, ...], str, str]:
     import ome_types
 
     model = ome_types.from_xml(xml, validate=False)
-    image, scope = model.images[0], model.instruments[0].microscope if model.instruments else None
+    image, microscope = model.images[0], model.instruments[0].microscope if model.instruments else None
     sizes = [
         in_um(float(size), getattr(unit, "value", str(unit)))
         for size, unit in (
@@ -158,9 +166,9 @@ def _ome(xml: str) -> tuple[tuple[Tag, ...], str, str]:
         if size is not None
     ]
     tags = (Tag("OME-XML PhysicalSizeX", size, sizes[-1] or size, calibrated=True) for size in sizes[:1] if size)
-    words = (getattr(scope, "manufacturer", None), getattr(scope, "model", None))
+    names = (getattr(microscope, "manufacturer", None), getattr(microscope, "model", None))
     date = "" if image.acquisition_date is None else image.acquisition_date.isoformat()
-    return tuple(tags), " ".join(word for word in words if word), date
+    return tuple(tags), " ".join(name for name in names if name), date
 
 
 def _per_unit(page: Any) -> tuple[float, float] | None:
@@ -175,18 +183,18 @@ def _per_unit(page: Any) -> tuple[float, float] | None:
 
 
 def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Return the unit specified by ImageJ, which applies to the resolution tags."""
-    about, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
-    if not opened.is_imagej or not about or per_unit is None:
+    """Return the pixel size if ImageJ recorded a unit for the resolution tags."""
+    metadata, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
+    if not opened.is_imagej or not metadata or per_unit is None:
         return ()
-    sizes = [in_um(1.0 / number, str(about.get("unit", ""))) for number in per_unit]
+    sizes = [in_um(1.0 / number, str(metadata.get("unit", ""))) for number in per_unit]
     if sizes[0] is None or sizes[1] is None:
         return ()
     return (Tag("ImageJ", sizes[0], sizes[1], calibrated=True),)
 
 
 def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Return the resolution tags that specify their own unit."""
+    """Return the pixel size from resolution tags with their own unit."""
     page = opened.pages.first
     per_unit, unit_um = _per_unit(page), UNIT_UM.get(int(_value(page, "ResolutionUnit", 2)))
     if per_unit is None or unit_um is None or opened.is_imagej:

@@ -1,4 +1,4 @@
-"""The camera: pixels that integrate, shot and read noise, a range that clips, and the files it writes."""
+"""The camera: pixel integration, shot and read noise, clipping, and image files."""
 
 import io
 from dataclasses import dataclass
@@ -11,51 +11,51 @@ from solen.arrays import FloatArray
 
 
 def integrated(fine: FloatArray, sub: int) -> FloatArray:
-    """Mean over the ``sub`` by ``sub`` sub-pixels of each pixel."""
+    """Return the mean over the ``sub`` by ``sub`` sub-pixels of each pixel."""
     rows, columns = fine.shape[0] // sub, fine.shape[1] // sub
     return np.asarray(fine.reshape(rows, sub, columns, sub).mean(axis=(1, 3)))
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Noise relative to full scale: ``noise`` at full scale, of which ``shot_share`` of the variance grows with light.
+    """Noise at full scale, relative to it; the fraction ``shot_fraction`` of its variance is proportional to the light.
 
-    ``bits`` is the depth of a grey level, 0 for floating point.
+    ``bits`` is the bit depth, 0 for floating point.
     """
 
     noise: float = 0.03
-    shot_share: float = 0.5
+    shot_fraction: float = 0.5
     bits: int = 8
 
     def levels(self, light: FloatArray, rng: np.random.Generator) -> NDArray[Any]:
-        """Grey levels of light in 0 to 1."""
-        variance = self.noise**2 * (1.0 - self.shot_share + self.shot_share * np.clip(light, 0.0, None))
-        seen = light + np.sqrt(variance) * rng.standard_normal(light.shape)
+        """Return the grey levels of light from 0 to 1."""
+        variance = self.noise**2 * (1.0 - self.shot_fraction + self.shot_fraction * np.clip(light, 0.0, None))
+        signal = light + np.sqrt(variance) * rng.standard_normal(light.shape)
         if self.bits == 0:
-            return seen.astype(np.float32)
+            return signal.astype(np.float32)
         top = 2**self.bits - 1
-        kind = np.uint8 if self.bits <= 8 else np.uint16
-        return np.asarray(np.clip(np.rint(top * seen), 0, top).astype(kind))
+        dtype = np.uint8 if self.bits <= 8 else np.uint16
+        return np.asarray(np.clip(np.rint(top * signal), 0, top).astype(dtype))
 
 
 def coloured(levels: NDArray[Any], tint: tuple[float, float, float] = (1.0, 0.92, 0.78)) -> NDArray[Any]:
-    """A colour image (rows, columns, 3) of a grey one under light of that tint."""
-    return np.stack([np.rint(levels * share).astype(levels.dtype) for share in tint], axis=-1)
+    """Return a colour image (rows, columns, 3) of grey levels under tinted light."""
+    return np.stack([np.rint(levels * transmission).astype(levels.dtype) for transmission in tint], axis=-1)
 
 
 def png(levels: NDArray[Any], um_per_px: float | None = None) -> bytes:
-    """A PNG file, with its scale as pixels per metre if given."""
+    """Return a PNG file, with the scale, if specified, as pixels per metre."""
     options = {} if um_per_px is None else {"dpi": (25400 / um_per_px, 25400 / um_per_px)}
     return _pillow(levels, "PNG", **options)
 
 
 def jpeg(levels: NDArray[Any], quality: int = 85) -> bytes:
-    """A JPEG file without a scale."""
+    """Return a JPEG file without a scale."""
     return _pillow(levels, "JPEG", quality=quality)
 
 
 def tiff(levels: NDArray[Any], um_per_px: float | None = None, **options: Any) -> bytes:
-    """A TIFF file, with its scale as pixels per cm if given."""
+    """Return a TIFF file, with the scale, if specified, as pixels per cm."""
     import tifffile
 
     file = io.BytesIO()
@@ -68,7 +68,7 @@ def tiff(levels: NDArray[Any], um_per_px: float | None = None, **options: Any) -
 
 
 def ome_tiff(levels: NDArray[Any], um_per_px: float) -> bytes:
-    """An OME-TIFF file with its physical pixel size."""
+    """Return an OME-TIFF file with its physical pixel size."""
     import tifffile
 
     file = io.BytesIO()
@@ -78,9 +78,9 @@ def ome_tiff(levels: NDArray[Any], um_per_px: float) -> bytes:
     return file.getvalue()
 
 
-def _pillow(levels: NDArray[Any], kind: str, **options: Any) -> bytes:
+def _pillow(levels: NDArray[Any], dtype: str, **options: Any) -> bytes:
     from PIL import Image as Pillow
 
     file = io.BytesIO()
-    Pillow.fromarray(levels).save(file, kind, **options)
+    Pillow.fromarray(levels).save(file, dtype, **options)
     return file.getvalue()

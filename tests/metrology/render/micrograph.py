@@ -1,11 +1,11 @@
-"""A simulated micrograph: levels of the part, each with its own blur, lit, dirtied and taken by a camera.
+"""Simulated micrographs: levels of the part, each with its own blur, illumination, dirt, and a camera.
 
-A thick part is seen at two levels at once: the top face in focus and the bottom face, smaller or larger by perspective
-and wall taper and further out of focus. Each level adds its own brightness where it covers a pixel, so any of the usual
-kinds of lighting comes of a few of them:
+A thick part is seen at two levels: the upper face in focus, and the lower face, which is smaller or larger due to
+perspective and taper, and out of focus. Each level adds its brightness to the pixels that it covers, so a few levels
+represent the usual kinds of illumination:
 
-- reflected: the part is brighter or darker than the ground (one level);
-- transmitted: ground and part are bright, the slanted wall between the two outlines is dark;
+- reflected: the part is brighter or darker than the background (one level);
+- transmitted: background and part are bright, and the slanted wall between the two outlines is dark;
 - dark field: only the wall is bright.
 """
 
@@ -26,7 +26,7 @@ from tests.metrology.render.shape import Placing
 
 @dataclass(frozen=True)
 class Level:
-    """An outline in mm (closed polygons), where it lies, how bright it is against what is below, and its blur."""
+    """An outline in mm (closed polygons), its pose, its brightness relative to what is below it, and its blur."""
 
     rings_mm: Sequence[FloatArray]
     placing: Placing
@@ -36,7 +36,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Scene:
-    """Levels on a ground, what dirties them, and the camera; ``sub`` sub-pixels to a pixel each way."""
+    """Levels on a background, dirt, and the camera; ``sub`` is the number of sub-pixels per pixel along each axis."""
 
     shape: tuple[int, int]
     levels: Sequence[Level]
@@ -46,7 +46,7 @@ class Scene:
     sub: int = 1
 
     def light(self, rng: np.random.Generator) -> FloatArray:
-        """Light (rows, columns) on the pixels, 1 at full scale, before the camera."""
+        """Return the light (rows, columns) on the pixels, 1 at full scale, without the camera's noise."""
         fine = (self.shape[0] * self.sub, self.shape[1] * self.sub)
         image = np.full(self.shape, self.ground)
         for level in self.levels:
@@ -57,13 +57,13 @@ class Scene:
         return image
 
     def taken(self, seed: int) -> NDArray[Any]:
-        """Grey levels (rows, columns) of one exposure."""
+        """Return the grey levels (rows, columns) of one exposure."""
         rng = np.random.default_rng(seed)
         return self.camera.levels(self.light(rng), rng)
 
 
 def reflected(outline: FloatArray, placing: Placing, *, step: float = 0.6, optics: Optics | None = None) -> list[Level]:
-    """One edge: the part ``step`` brighter than the ground."""
+    """Return a level with one edge: the part is brighter than the background by ``step``."""
     return [Level([outline], placing, step, optics or gaussian(2.0))]
 
 
@@ -74,9 +74,10 @@ def transmitted(
     wall: float = 0.55,
     part: float = 0.08,
 ) -> list[Level]:
-    """Two edges, each an outline, its place and its blur in px: light is lost by ``wall`` between them.
+    """Return levels with two edges, each an outline, its pose and its blur in px.
 
-    Through the part it is weaker by ``part``; negative values make the wall bright, as in dark field.
+    Between them, the light is reduced by ``wall``, and through the part by ``part``; negative values give a bright
+    wall, as in dark field.
     """
     return [
         Level([outer[0]], outer[1], -wall, gaussian(outer[2])),
@@ -85,5 +86,5 @@ def transmitted(
 
 
 def dark_field(outer: tuple[FloatArray, Placing, float], inner: tuple[FloatArray, Placing, float]) -> list[Level]:
-    """Only the wall between the two outlines is bright."""
+    """Return levels with only the wall between the two outlines bright."""
     return transmitted(outer, inner, wall=-0.6, part=-0.04)

@@ -1,7 +1,7 @@
-"""What a microscope's optics make of a point: kernels that sum to 1, on a grid finer than the camera's if need be.
+"""Point spread functions of a microscope: kernels that sum to 1, optionally on a finer grid than that of the camera.
 
-A Gaussian, the Airy disc of a round aperture (diffraction), the uniform disc of an image out of focus (geometrical
-optics), and the smear of a stage that moved. Only the first resembles what an edge fit may assume.
+They are a Gaussian, the Airy disc of a circular aperture (diffraction), the uniform disc of an image out of focus
+(geometrical optics), and the motion blur of a moving stage. An edge fit may assume only the first.
 """
 
 from collections.abc import Callable
@@ -15,16 +15,16 @@ from solen.arrays import FloatArray
 from tests.metrology.render.coverage import coverage
 
 Optics = Callable[[FloatArray, int], FloatArray]
-"""Takes an image of so many sub-pixels to the pixel to its blurred one."""
+"""Function of an image and the number of sub-pixels per pixel that returns the blurred image."""
 
 
 def sharp() -> Optics:
-    """No blur at all."""
+    """Return optics without blur."""
     return lambda image, _fine: image
 
 
 def gaussian(sigma_px: float) -> Optics:
-    """A Gaussian, cut at six standard deviations."""
+    """Return a Gaussian blur, truncated at six standard deviations."""
 
     def blurred(image: FloatArray, fine: int) -> FloatArray:
         reach = int(np.ceil(6 * sigma_px * fine))
@@ -37,22 +37,22 @@ def gaussian(sigma_px: float) -> Optics:
 
 
 def airy(first_dark_px: float) -> Optics:
-    """The Airy disc with its first dark ring at that radius, cut at six of them."""
+    """Return an Airy blur with the given radius of the first dark ring, truncated at six times this radius."""
     return _by_kernel(lambda fine: airy_kernel(first_dark_px * fine))
 
 
 def defocus(radius_px: float) -> Optics:
-    """A uniform disc: a point out of focus, by geometrical optics."""
+    """Return the blur by a uniform disc: a point out of focus, in geometrical optics."""
     return _by_kernel(lambda fine: disc_kernel(radius_px * fine))
 
 
 def smear(length_px: float, angle_deg: float) -> Optics:
-    """A uniform line: the stage moved during the exposure."""
+    """Return the blur by a uniform line: the stage moves during the exposure."""
     return _by_kernel(lambda fine: line_kernel(length_px * fine, angle_deg))
 
 
 def airy_kernel(first_dark: float) -> FloatArray:
-    """(2 J1(v)/v)², v = 3.8317 r / first_dark: M. Born and E. Wolf, Principles of Optics, section 8.5.2."""
+    """Return (2 J1(v)/v)², v = 3.8317 r / first_dark: M. Born and E. Wolf, Principles of Optics, section 8.5.2."""
     reach = int(np.ceil(6 * first_dark))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     v = np.maximum(3.8317059702 * np.hypot(x, y) / first_dark, 1e-9)
@@ -61,16 +61,16 @@ def airy_kernel(first_dark: float) -> FloatArray:
 
 
 def disc_kernel(radius: float) -> FloatArray:
-    """Areas of a disc in the pixels."""
+    """Return the normalised areas of a disc in the pixels."""
     reach = int(np.ceil(radius)) + 1
     return _outline_kernel([(radius * np.cos(a), radius * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 721)], reach)
 
 
 def line_kernel(length: float, angle_deg: float) -> FloatArray:
-    """Areas of a line half a pixel wide in the pixels."""
+    """Return the normalised areas, in the pixels, of a line that is half a pixel wide."""
     reach = int(np.ceil(length / 2)) + 2
-    turn = np.exp(1j * np.radians(angle_deg))
-    corners = [complex(a, b) * turn for a, b in _box(length / 2, 0.25)]
+    direction = np.exp(1j * np.radians(angle_deg))
+    corners = [complex(a, b) * direction for a, b in _box(length / 2, 0.25)]
     return _outline_kernel([(corner.real, corner.imag) for corner in corners], reach)
 
 

@@ -1,4 +1,4 @@
-"""What else lies in the light's way: uneven lighting, glare, dust, fibres, scratches. Each takes an image to one."""
+"""Imperfections: non-uniform illumination, glare, dust, fibres and scratches, each a function from image to image."""
 
 from collections.abc import Callable
 
@@ -11,29 +11,29 @@ from tests.metrology.render.optics import gaussian
 Scenery = Callable[[FloatArray, np.random.Generator], FloatArray]
 
 
-def gradient(share: float, angle_deg: float) -> Scenery:
-    """Light that falls by ``share`` from one side of the image to the other."""
+def gradient(fraction: float, angle_deg: float) -> Scenery:
+    """Return illumination that changes by ``fraction`` from one side of the image to the other."""
 
     def changed(image: FloatArray, _rng: np.random.Generator) -> FloatArray:
         u, v = _unit_coordinates(image.shape)
         turn = np.radians(angle_deg)
-        return np.asarray(image * (1.0 + 0.5 * share * (u * np.cos(turn) - v * np.sin(turn))))
+        return np.asarray(image * (1.0 + 0.5 * fraction * (u * np.cos(turn) - v * np.sin(turn))))
 
     return changed
 
 
-def vignetting(share: float) -> Scenery:
-    """Light that falls by ``share`` at the corners, with the square of the distance from the middle."""
+def vignetting(fraction: float) -> Scenery:
+    """Return illumination that falls by ``fraction`` to the corners, as the square of the distance from the centre."""
 
     def changed(image: FloatArray, _rng: np.random.Generator) -> FloatArray:
         u, v = _unit_coordinates(image.shape)
-        return image * (1.0 - 0.5 * share * (u**2 + v**2))
+        return image * (1.0 - 0.5 * fraction * (u**2 + v**2))
 
     return changed
 
 
 def glare(patches: int, radius_px: float, level: float) -> Scenery:
-    """Soft round patches of light anywhere in the image, as of a lamp mirrored in the part's top."""
+    """Return soft round patches of light at random positions, as reflections of a lamp."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return image + sum(
@@ -45,12 +45,12 @@ def glare(patches: int, radius_px: float, level: float) -> Scenery:
 
 
 def glare_at(u: float, v: float, radius_px: float, level: float) -> Scenery:
-    """One patch of light at a place of the image."""
+    """Return one patch of light at a position in the image."""
     return lambda image, _rng: image + level * np.exp(-0.5 * _squares(image.shape, (u, v)) / radius_px**2)
 
 
 def dust(specks: int, radius_px: float, level: float) -> Scenery:
-    """Specks of many corners, of sizes about ``radius_px``, each changing the light by the factor 1 + ``level``."""
+    """Return polygonal specks of about ``radius_px``, each of which multiplies the light by 1 + ``level``."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         rings = [_speck(rng, image.shape, radius_px * rng.lognormal(0.0, 0.4)) for _ in range(specks)]
@@ -60,7 +60,7 @@ def dust(specks: int, radius_px: float, level: float) -> Scenery:
 
 
 def fibres(count: int, length_px: float, width_px: float, level: float) -> Scenery:
-    """Curled fibres."""
+    """Return curled fibres."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.02) for _ in range(count)], level)
@@ -69,7 +69,7 @@ def fibres(count: int, length_px: float, width_px: float, level: float) -> Scene
 
 
 def scratches(count: int, length_px: float, width_px: float, level: float) -> Scenery:
-    """Straight scratches."""
+    """Return straight scratches."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.0) for _ in range(count)], level)
@@ -77,12 +77,12 @@ def scratches(count: int, length_px: float, width_px: float, level: float) -> Sc
     return changed
 
 
-def texture(share: float, size_px: float) -> Scenery:
-    """Print texture: a rough surface of grains ``size_px`` wide that changes the light by ``share`` (RMS)."""
+def texture(fraction: float, size_px: float) -> Scenery:
+    """Return print texture: grains ``size_px`` wide that change the light by the RMS ``fraction``."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         grain = gaussian(size_px)(rng.standard_normal(image.shape), 1)
-        return np.asarray(image * (1.0 + share * grain / grain.std()))
+        return np.asarray(image * (1.0 + fraction * grain / grain.std()))
 
     return changed
 
@@ -110,8 +110,8 @@ def _fibre(rng: np.random.Generator, shape: tuple[int, ...], length: float, widt
     line = rng.uniform((0, 0), (shape[1], shape[0])) + 4 * np.cumsum(
         np.column_stack([np.cos(heading), np.sin(heading)]), axis=0
     )
-    aside = 0.5 * width * np.column_stack([-np.sin(heading), np.cos(heading)])
-    return np.vstack([line + aside, (line - aside)[::-1]])
+    offset = 0.5 * width * np.column_stack([-np.sin(heading), np.cos(heading)])
+    return np.vstack([line + offset, (line - offset)[::-1]])
 
 
 def _painted(image: FloatArray, rings: list[FloatArray], level: float) -> FloatArray:

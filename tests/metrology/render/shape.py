@@ -1,4 +1,4 @@
-"""The part under the microscope: its outline in mm, what printing did to it, and where it lies in the image."""
+"""The part under the microscope: its outline in mm, printing errors, and its pose in the image."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ FINE_MM = 1e-6
 
 
 def shipped(name: str = "solen-860", **values: Any) -> Design:
-    """A shipped design with other values, given by keys in which ``__`` stands for the dot."""
+    """Return a shipped design with other values; in their keys, ``__`` replaces the dot."""
     return with_values(loads(template(name)), {key.replace("__", "."): value for key, value in values.items()})
 
 
@@ -26,12 +26,12 @@ def body_of(design: Design) -> Body:
 
 
 def front_mm(design: Design) -> FloatArray:
-    """Points (N, 2) of the lens's front in mm, left to right."""
+    """Return points (N, 2) of the lens's front in mm, from left to right."""
     return body_of(design).face("lens").curve.flattened(FINE_MM)
 
 
 def outline_mm(design: Design, change: Callable[[FloatArray], FloatArray] | None = None) -> FloatArray:
-    """Closed outline (N, 2) of the whole part in mm; ``change`` moves points of the lens's front."""
+    """Return the closed outline (N, 2) of the part in mm; ``change`` moves points of the lens's front."""
     pieces = []
     for face in body_of(design).faces:
         points = face.curve.flattened(FINE_MM)
@@ -40,12 +40,12 @@ def outline_mm(design: Design, change: Callable[[FloatArray], FloatArray] | None
 
 
 def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[FloatArray], FloatArray]:
-    """A bump of a Gaussian's shape on the front: positive is more material, outwards."""
+    """Return a function that adds a Gaussian bump to the front; positive heights add material."""
 
     def changed(points: FloatArray) -> FloatArray:
-        along = np.gradient(points, axis=0)
-        along /= np.hypot(*along.T)[:, None]
-        outward = np.column_stack([along[:, 1], -along[:, 0]])  # walked left to right, the material lies on the left
+        tangent = np.gradient(points, axis=0)
+        tangent /= np.hypot(*tangent.T)[:, None]
+        outward = np.column_stack([tangent[:, 1], -tangent[:, 0]])  # from left to right, the material is on the left
         rise_mm = 1e-3 * height_um * np.exp(-0.5 * ((points[:, 0] - at_mm) / width_mm) ** 2)
         return np.asarray(points + rise_mm[:, None] * outward)
 
@@ -53,7 +53,7 @@ def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[FloatArra
 
 
 def grown(points: FloatArray, by_um: float) -> FloatArray:
-    """A closed outline, counter-clockwise, moved outwards by so much; corners are mitred."""
+    """Return a counter-clockwise closed outline, displaced outwards with mitred corners."""
     step = np.roll(points, -1, axis=0) - points
     normal = np.column_stack([step[:, 1], -step[:, 0]]) / np.hypot(*step.T)[:, None]
     before = np.roll(normal, 1, axis=0)
@@ -63,11 +63,11 @@ def grown(points: FloatArray, by_um: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Placing:
-    """From mm of the design (x right, z up) to px of the image (u right, v down).
+    """Transformation from mm of the design (x right, z up) to px of the image (u right, v down).
 
-    ``origin_px`` is where the vertex of the lens lies; ``angle_deg`` turns the part counter-clockwise as seen.
-    ``tilt_deg`` leans it about its x axis away from the camera, which looks from ``working_mm``: shorter and in
-    perspective. ``magnification`` is that of this level of the part against the stated scale, about ``middle_mm``.
+    ``origin_px`` is the position of the lens vertex; ``angle_deg`` rotates the part counter-clockwise as seen.
+    ``tilt_deg`` tilts it about its x axis away from the camera at the distance ``working_mm``, which shortens it and
+    adds perspective. ``magnification`` enlarges this level of the part about ``middle_mm``, relative to the scale.
     """
 
     um_per_px: float
@@ -79,29 +79,32 @@ class Placing:
     working_mm: float = 60.0
 
     def px(self, points_mm: FloatArray) -> FloatArray:
-        """Points (N, 2) of the image."""
+        """Return the points (N, 2) in the image."""
         middle = np.asarray(self.middle_mm)
         x, z = (middle + self.magnification * (points_mm - middle)).T
-        lean = math.radians(self.tilt_deg)
-        nearer = 1.0 / (1.0 + z * math.sin(lean) / self.working_mm)
-        x, z = x * nearer, z * math.cos(lean) * nearer
-        turn = math.radians(self.angle_deg)
-        right, up = x * math.cos(turn) - z * math.sin(turn), x * math.sin(turn) + z * math.cos(turn)
+        tilt = math.radians(self.tilt_deg)
+        perspective = 1.0 / (1.0 + z * math.sin(tilt) / self.working_mm)
+        x, z = x * perspective, z * math.cos(tilt) * perspective
+        rotation = math.radians(self.angle_deg)
+        right, up = x * math.cos(rotation) - z * math.sin(rotation), x * math.sin(rotation) + z * math.cos(rotation)
         return np.asarray(np.column_stack([right, -up]) * 1e3 / self.um_per_px + np.asarray(self.origin_px))
 
     def mm(self, points_px: FloatArray) -> FloatArray:
-        """Points (N, 2) of the design, at magnification 1 and without tilt."""
+        """Return the points (N, 2) of the design, at magnification 1 and without tilt."""
         right, down = ((points_px - np.asarray(self.origin_px)) * self.um_per_px * 1e-3).T
-        turn = math.radians(self.angle_deg)
+        rotation = math.radians(self.angle_deg)
         return np.column_stack(
-            [right * math.cos(turn) - down * math.sin(turn), -right * math.sin(turn) - down * math.cos(turn)]
+            [
+                right * math.cos(rotation) - down * math.sin(rotation),
+                -right * math.sin(rotation) - down * math.cos(rotation),
+            ]
         )
 
     def moved(self, right_px: float, down_px: float) -> "Placing":
-        """The same, moved in the image."""
+        """Return the transformation with a shift in the image."""
         u, v = self.origin_px
         return replace(self, origin_px=(u + right_px, v + down_px))
 
     def scaled(self, factor: float) -> "Placing":
-        """The same at another magnification."""
+        """Return the transformation at another magnification."""
         return replace(self, magnification=self.magnification * factor)

@@ -22,24 +22,26 @@ def _(measured: CouponMeasurement) -> Iterator[str]:
     for limit in measured.limits:
         yield _minimum(limit)
     yield f"  {'':24} nominal    measured   u (mm)"
-    for one in (*measured.features, *measured.undecided):
-        size = "   -    " if one.measured_mm is None else f"{one.measured_mm:.5f}"
-        u = "-" if one.u_measured_mm is None else short(one.u_measured_mm)
-        yield f"  {one.name:24} {one.nominal_mm:<8.4g}   {size}   {u}" + ("" if one.resolved else f"  {one.reason}")
+    for feature in (*measured.features, *measured.undecided):
+        size = "   -    " if feature.measured_mm is None else f"{feature.measured_mm:.5f}"
+        u = "-" if feature.u_measured_mm is None else short(feature.u_measured_mm)
+        yield f"  {feature.name:24} {feature.nominal_mm:<8.4g}   {size}   {u}" + (
+            "" if feature.resolved else f"  {feature.reason}"
+        )
 
 
 def _seen(measured: CouponMeasurement) -> str:
-    """Return the face from which the coupon is seen, if its marks show it."""
+    """Return the addition to the first line if the marks show that the coupon is mirrored."""
     if not measured.location.oriented:
         return ""
     return ", seen mirrored: from below, or in a flipped image" if measured.location.pose.mirrored else ""
 
 
 def _minimum(limit: Limit) -> str:
-    """Return the smallest resolved size with the supporting measurements."""
+    """Return a line with the smallest resolved size, its measurement, and the next smaller size."""
     if limit.nominal_mm is None:
         return f"{MINIMA[limit.kind]}: none; not resolved even at {limit.next_mm:g} mm"
     line = f"{MINIMA[limit.kind]}: {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm"
     if limit.measured_mm is not None:
         line += f", printed {limit.measured_mm:.4f} ± {short(limit.u_measured_mm)} mm"
-    return line + (f"; {limit.next_mm:g} mm is not" if limit.next_mm is not None else "")
+    return line + (f"; {limit.next_mm:g} mm is not resolved" if limit.next_mm is not None else "")

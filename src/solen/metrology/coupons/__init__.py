@@ -1,4 +1,4 @@
-"""Measurement of coupons: the layout located in an image or height map, feature sizes, and the smallest resolved ones.
+"""Measurement of coupons in images or height maps: location, feature sizes, and the smallest resolved features.
 
 `measure_coupon` does all of this and returns a `CouponMeasurement`. `locate` finds the coupon, `fit_disc` and `fit_gap`
 measure its features, `height_of` and `steps_of` evaluate a height map, and `limits` defines the smallest resolved

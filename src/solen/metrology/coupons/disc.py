@@ -27,23 +27,24 @@ from solen.metrology.coupons.least_squares import Fit, least_squares
 SECTORS = 24
 MAX_FITTED = 3000
 """Largest number of pixels used in the fit; the sectors use all pixels."""
-SMALL = 12.0
+STRAIGHT_RATIO = 12.0
 """Ratio of radius to blur above which the edge is treated as a straight one with a shift."""
 TABLE = np.linspace(-6.5, 6.5, 261)
 """Distances from the edge, in blurs, at which the height of a small disc is tabulated; interpolation is within 1e-4."""
-BLURS = 5.0
-"""Half the width of the fitted ring, in blurs."""
+HALF_RING_BLURS = 5.0
+"""Half width of the fitted ring, in blurs."""
 FLOOR_PX = 0.05
-"""Half width of the uniform distribution of a radius error due to the edge in any image; the standard uncertainty is
-this value over √3.
+"""Half width of a uniform distribution of the systematic radius error of any image; the standard uncertainty is this
+value over √3.
 """
-PRESENT = 0.4
-"""Minimum rise of a sector, as a fraction of the disc's rise, for its edge to count as present."""
+MIN_SECTOR_RISE = 0.4
+"""Minimum rise of a sector with an edge, as a fraction of the disc's rise."""
 MIN_BLUR_PX, MAX_BLUR_PX = 0.3, 30.0
 MIN_PIXELS = 24
-NUDGE = 0.03
-"""Step of the numerical derivatives in px."""
+STEP = 0.03
+"""Step of the numerical derivatives, in px and of the logarithm of the blur."""
 MIN_RADIUS_PX = 1.2
+"""Radius below which a disc cannot be measured."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Disc:
     snr
         Rise over its standard uncertainty.
     coverage
-        Fraction of the inspected edge that is present.
+        Fraction of the inspected sectors that have an edge.
     roundness_px
         Standard deviation of the sectors' radii.
     """
@@ -81,7 +82,7 @@ class Disc:
 
 @dataclass(frozen=True, eq=False)
 class _Pixels:
-    """Pixels around a point: their offsets (N,) from it, distances, angles and grey values."""
+    """Pixels around a point: their offsets (N,) from it along x and y, and their grey values."""
 
     x: FloatArray
     y: FloatArray
@@ -91,25 +92,27 @@ class _Pixels:
         return _Pixels(self.x[which], self.y[which], self.grey[which])
 
 
-def share(distance_px: FloatArray, radius_px: float, blur_px: float) -> FloatArray:
-    """Return a blurred disc of height 1 at distances from its centre."""
-    return _share(distance_px, radius_px, blur_px)[0]
+def blurred_disc(distance_px: FloatArray, radius_px: float, blur_px: float) -> FloatArray:
+    """Return the height (N,) of a blurred disc of height 1 at distances (N,) from its centre."""
+    return _profile(distance_px, radius_px, blur_px)[0]
 
 
-def _share(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _profile(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the heights (N,) of a blurred disc and their derivatives with respect to distance, radius and log blur."""
-    if radius > SMALL * blur:
+    if radius > STRAIGHT_RATIO * blur:
         u, bend = (radius - distance) / blur, 0.5 * blur / radius
-        bell = np.exp(-0.5 * (u - bend) ** 2) / math.sqrt(math.tau)
-        return ndtr(u - bend), -bell / blur, bell * (1.0 / blur + bend / radius), -bell * (u + bend)
+        gaussian = np.exp(-0.5 * (u - bend) ** 2) / math.sqrt(math.tau)
+        return ndtr(u - bend), -gaussian / blur, gaussian * (1.0 / blur + bend / radius), -gaussian * (u + bend)
     at = np.maximum(radius + blur * TABLE, 0.0)
     table = _exact(at, radius, blur)
-    wider = (_exact(at, radius + NUDGE, blur) - _exact(at, radius - NUDGE, blur)) / (2.0 * NUDGE)
-    nudged = blur * math.exp(NUDGE), blur * math.exp(-NUDGE)
-    blurred = (_exact(at, radius, nudged[0]) - _exact(at, radius, nudged[1])) / (2.0 * NUDGE)
-    outwards = -(radius * wider + blurred) / np.maximum(at, 1e-9)  # the profile depends only on ratios of the three
-    one, two, three, four = (np.interp(distance, at, values) for values in (table, outwards, wider, blurred))
-    return one, two, three, four
+    by_radius = (_exact(at, radius + STEP, blur) - _exact(at, radius - STEP, blur)) / (2.0 * STEP)
+    blurs = blur * math.exp(STEP), blur * math.exp(-STEP)
+    by_blur = (_exact(at, radius, blurs[0]) - _exact(at, radius, blurs[1])) / (2.0 * STEP)
+    by_distance = -(radius * by_radius + by_blur) / np.maximum(
+        at, 1e-9
+    )  # height depends only on the ratios of distance, radius and blur
+    height, *slopes = (np.interp(distance, at, values) for values in (table, by_distance, by_radius, by_blur))
+    return height, slopes[0], slopes[1], slopes[2]
 
 
 def _exact(distance: FloatArray, radius: float, blur: float) -> FloatArray:
@@ -118,7 +121,7 @@ def _exact(distance: FloatArray, radius: float, blur: float) -> FloatArray:
 
 def fit_disc(
     grey: FloatArray,
-    place_px: tuple[float, float],
+    centre_px: tuple[float, float],
     radius_px: float,
     reach_px: float,
     *,
@@ -128,14 +131,14 @@ def fit_disc(
     half_blocked_rad: float = math.radians(65.0),
     ceiling: float = math.inf,
 ) -> Disc | None:
-    """Fit a disc near a given position.
+    """Fit a disc near an initial position.
 
     Parameters
     ----------
     grey
         Shape (rows, columns).
     place_px
-        First guess of its centre, (column, row), within about a third of its radius.
+        Initial centre, (column, row), within about a third of the radius.
     radius_px
         Nominal radius.
     reach_px
@@ -145,7 +148,7 @@ def fit_disc(
     blur_px
         Blur if it is known; otherwise it is fitted.
     blocked_rad
-        Directions, atan2(rows, columns), in which another feature is too near.
+        Directions, atan2(rows, columns), in which other features are too near.
     half_blocked_rad
         Half of the angle about these directions that is omitted.
     ceiling
@@ -154,9 +157,9 @@ def fit_disc(
     Returns
     -------
     Disc or None
-        None if there are too few pixels, or if there is no edge of that kind.
+        None if there are too few pixels, or if there is no edge of that sign.
     """
-    pixels = _around(grey, place_px, radius_px + reach_px)
+    pixels = _around(grey, centre_px, radius_px + reach_px)
     if pixels is None:
         return None
     angle = np.arctan2(pixels.y, pixels.x)
@@ -174,12 +177,12 @@ def fit_disc(
         if disc is None:
             return None
         start, guess = float(disc.values[2]), float(math.exp(disc.values[3]))
-    return None if disc is None else _checked(pixels, disc, place_px, bright=bright, ceiling=ceiling)
+    return None if disc is None else _disc_of_sectors(pixels, disc, centre_px, bright=bright, ceiling=ceiling)
 
 
-def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
-    """Return the pixels within a distance, or None if some of them are outside the image."""
-    x0, y0 = place
+def _around(grey: FloatArray, centre: tuple[float, float], reach: float) -> _Pixels | None:
+    """Return the pixels within a distance of a centre, or None if some of them are outside the image."""
+    x0, y0 = centre
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
     low, high = math.floor(y0 - reach), math.ceil(y0 + reach)
     rows, columns = grey.shape
@@ -196,34 +199,36 @@ def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool)
     ring = np.round(np.hypot(pixels.x, pixels.y)).astype(int)
     count = np.bincount(ring)
     mean = np.bincount(ring, pixels.grey) / np.maximum(count, 1)
-    middle = count[:-1] * count[1:] > 0
-    falls = np.where(middle, mean[:-1] - mean[1:], 0.0) * (1.0 if bright else -1.0)
-    falls = np.convolve(falls, [0.25, 0.5, 0.25], mode="same")
-    at = np.arange(len(falls)) + 0.5
+    populated = count[:-1] * count[1:] > 0
+    steepness = np.where(populated, mean[:-1] - mean[1:], 0.0) * (1.0 if bright else -1.0)
+    steepness = np.convolve(steepness, [0.25, 0.5, 0.25], mode="same")
+    at = np.arange(len(steepness)) + 0.5
     allowed = (at > 0.3 * radius) & (at < radius + reach)
-    if not allowed.any() or falls[allowed].max() <= 0.0:
+    if not allowed.any() or steepness[allowed].max() <= 0.0:
         return None
-    return float(at[allowed][falls[allowed].argmax()])
+    return float(at[allowed][steepness[allowed].argmax()])
 
 
-def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: bool, start: Fit | None) -> Fit | None:
-    """Fit x, y, radius, log blur, background level, rise and the illumination gradient."""
+def _fit(
+    pixels: _Pixels, radius: float, blur: float, max_radius: float, *, fixed: bool, start: Fit | None
+) -> Fit | None:
+    """Fit x, y, radius, log blur, background level, rise, and the illumination gradient along x and y."""
     x0, y0 = (0.0, 0.0) if start is None else (float(start.values[0]), float(start.values[1]))
     distance = np.hypot(pixels.x - x0, pixels.y - y0)
-    ring = pixels.of(np.abs(distance - radius) <= BLURS * blur + 2.0)
+    ring = pixels.of(np.abs(distance - radius) <= HALF_RING_BLURS * blur + 2.0)
     if len(ring.x) < MIN_PIXELS:
         return None
-    every = max(1, len(ring.x) // MAX_FITTED)
-    ring = ring.of(slice(None, None, every))
-    inside = share(np.hypot(ring.x - x0, ring.y - y0), radius, blur)
+    stride = max(1, len(ring.x) // MAX_FITTED)
+    ring = ring.of(slice(None, None, stride))
+    inside = blurred_disc(np.hypot(ring.x - x0, ring.y - y0), radius, blur)
     log_blur = min(max(math.log(blur), math.log(MIN_BLUR_PX)), math.log(MAX_BLUR_PX))
     blurs = (log_blur, log_blur) if fixed else (math.log(MIN_BLUR_PX), math.log(MAX_BLUR_PX))
     shift, free = max(2.0, 0.4 * radius), [math.inf] * 4
-    first = [x0, y0, radius, log_blur, *_levels(inside, ring)]
-    low = [x0 - shift, y0 - shift, 0.5, blurs[0], *(-one for one in free)]
-    high = [x0 + shift, y0 + shift, most, blurs[1], *free]
-    fit = least_squares(lambda p: _model(ring, p), ring.grey, first, low, high)
-    return Fit(fit.values, fit.u_values / math.sqrt(every), fit.residuals)
+    guess = [x0, y0, radius, log_blur, *_levels(inside, ring)]
+    low = [x0 - shift, y0 - shift, 0.5, blurs[0], *(-limit for limit in free)]
+    high = [x0 + shift, y0 + shift, max_radius, blurs[1], *free]
+    fit = least_squares(lambda p: _model(ring, p), ring.grey, guess, low, high)
+    return Fit(fit.values, fit.u_values / math.sqrt(stride), fit.residuals)
 
 
 def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:
@@ -238,50 +243,57 @@ def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
     dx, dy = pixels.x - p[0], pixels.y - p[1]
     distance = np.maximum(np.hypot(dx, dy), 1e-9)
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
-    inside, outwards, wider, blurred = _share(distance, radius, blur)
-    one = np.ones(len(distance))
-    slopes = [-rise * outwards * dx / distance, -rise * outwards * dy / distance, rise * wider, rise * blurred]
-    slopes += [one, inside, pixels.x, pixels.y]
+    inside, by_distance, by_radius, by_blur = _profile(distance, radius, blur)
+    ones = np.ones(len(distance))
+    slopes = [
+        -rise * by_distance * dx / distance,
+        -rise * by_distance * dy / distance,
+        rise * by_radius,
+        rise * by_blur,
+    ]
+    slopes += [ones, inside, pixels.x, pixels.y]
     return np.asarray(p[4] + rise * inside + p[6] * pixels.x + p[7] * pixels.y), np.column_stack(slopes)
 
 
-def _checked(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
-    """Check the disc by its sectors and return it, or None if its contrast has the opposite sign."""
+def _disc_of_sectors(
+    pixels: _Pixels, fit: Fit, centre: tuple[float, float], *, bright: bool, ceiling: float
+) -> Disc | None:
+    """Return the disc with radius and uncertainty from its sectors, or None if its contrast has the wrong sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
     if rise * (1.0 if bright else -1.0) <= 0.0 or radius < MIN_RADIUS_PX:
         return None
     distance = np.hypot(pixels.x - p[0], pixels.y - p[1])
-    ring = np.abs(distance - radius) <= BLURS * blur + 1.0
+    ring = np.abs(distance - radius) <= HALF_RING_BLURS * blur + 1.0
     near = pixels.of(ring)
     model, slopes = _model(near, p)
     residual, per_px = near.grey - model, slopes[:, 2]
-    inside = share(distance[ring], radius, blur)
+    inside = blurred_disc(distance[ring], radius, blur)
     sector = np.floor((np.arctan2(near.y - p[1], near.x - p[0]) / math.tau + 0.5) * SECTORS).astype(int) % SECTORS
     usable = near.grey < ceiling - 1e-12
-    away, rises = _sectors(sector, residual, per_px, inside, rise, usable)
-    looked = np.isfinite(rises)
-    if looked.sum() < SECTORS // 6:
+    offsets, rises = _sectors(sector, residual, per_px, inside, rise, usable)
+    inspected = np.isfinite(rises)
+    if inspected.sum() < SECTORS // 6:
         return None
-    present = looked & (rises > PRESENT)
+    present = inspected & (rises > MIN_SECTOR_RISE)
     noise = float(np.std(residual))
-    some = away[present]
-    roundness = float(np.std(some, ddof=1)) if len(some) > 1 else math.inf
-    mean = float(np.mean(some)) if len(some) else 0.0
+    radial = offsets[present]
+    roundness = float(np.std(radial, ddof=1)) if len(radial) > 1 else math.inf
+    mean = float(np.mean(radial)) if len(radial) else 0.0
     u_radius = math.hypot(
-        max(roundness / math.sqrt(max(len(some), 1)), float(fit.u_values[2])), FLOOR_PX / math.sqrt(3.0)
+        max(roundness / math.sqrt(max(len(radial), 1)), float(fit.u_values[2])), FLOOR_PX / math.sqrt(3.0)
     )
     weight = inside - inside.mean()
     u_rise = noise / max(math.sqrt(float(np.sum(weight**2))), 1e-300)
     return Disc(
-        place[0] + float(p[0]),
-        place[1] + float(p[1]),
+        centre[0] + float(p[0]),
+        centre[1] + float(p[1]),
         2.0 * (radius + mean),
         2.0 * u_radius,
         blur,
         rise,
         abs(rise) / max(u_rise, 1e-300),
-        float(present.sum() / looked.sum()),
+        float(present.sum() / inspected.sum()),
         roundness,
     )
 
@@ -294,14 +306,14 @@ def _sectors(
     rise: float,
     usable: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return each sector's distance from the circle to its edge, and its relative rise; NaN without an edge."""
-    away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
+    """Return the offset of each sector's edge from the circle, and its relative rise; NaN for too few usable pixels."""
+    offsets, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
     for number in range(SECTORS):
-        mine = (sector == number) & usable
-        steep = float(np.sum(per_px[mine] ** 2))
-        weight = inside[mine] - inside[mine].mean() if mine.any() else inside[mine]
-        if mine.sum() < 4 or np.sum(weight**2) < 0.05 or steep <= 0.0:
+        chosen = (sector == number) & usable
+        steep = float(np.sum(per_px[chosen] ** 2))
+        weight = inside[chosen] - inside[chosen].mean() if chosen.any() else inside[chosen]
+        if chosen.sum() < 4 or np.sum(weight**2) < 0.05 or steep <= 0.0:
             continue
-        away[number] = float(np.sum(residual[mine] * per_px[mine])) / steep
-        rises[number] = 1.0 + float(np.sum(residual[mine] * weight) / np.sum(weight**2)) / rise
-    return away, rises
+        offsets[number] = float(np.sum(residual[chosen] * per_px[chosen])) / steep
+        rises[number] = 1.0 + float(np.sum(residual[chosen] * weight) / np.sum(weight**2)) / rise
+    return offsets, rises

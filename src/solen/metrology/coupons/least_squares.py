@@ -14,9 +14,9 @@ from solen.arrays import BoolArray, FloatArray
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Function of the parameters (P,) that returns the values (N,) and their derivatives (N, P)."""
 
-ROUNDS = 60
-SETTLED = 1e-6
-"""Relative change of the sum of squares below which a fit has converged."""
+MAX_ITERATIONS = 60
+CONVERGED = 1e-6
+"""Relative change of the sum of squares below which, twice in succession, a fit has converged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ def least_squares(
     p = np.clip(np.asarray(first, dtype=float), lower, upper)
     free = upper > lower
     values, slopes = model(p)
-    cost, damping, calm = float(np.sum((data - values) ** 2)), 1e-3, 0
-    for _ in range(ROUNDS):
+    cost, damping, converged = float(np.sum((data - values) ** 2)), 1e-3, 0
+    for _ in range(MAX_ITERATIONS):
         normal, gradient = _normal(slopes, data - values, free)
         step = np.zeros(len(p))
         step[free] = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
@@ -45,12 +45,12 @@ def least_squares(
         new_values, new_slopes = model(trial)
         new_cost = float(np.sum((data - new_values) ** 2))
         if new_cost < cost:
-            calm = calm + 1 if cost - new_cost < SETTLED * cost else 0
+            converged = converged + 1 if cost - new_cost < CONVERGED * cost else 0
             p, values, slopes, cost = trial, new_values, new_slopes, new_cost
             damping = max(0.2 * damping, 1e-9)
         else:
             damping *= 6.0
-        if calm >= 2 or damping > 1e9:
+        if converged >= 2 or damping > 1e9:
             break
     normal, _ = _normal(slopes, data - values, free)
     u_values = np.zeros(len(p))
@@ -61,7 +61,7 @@ def least_squares(
 
 def _normal(slopes: FloatArray, residual: FloatArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the regularised normal matrix of the free parameters, and the gradient."""
-    some = slopes[:, free]
-    normal = np.einsum("ni,nj->ij", some, some)
+    columns = slopes[:, free]
+    normal = np.einsum("ni,nj->ij", columns, columns)
     normal[np.diag_indices_from(normal)] += 1e-12 * max(float(np.trace(normal)), 1e-300)
-    return normal, np.einsum("ni,n->i", some, residual)
+    return normal, np.einsum("ni,n->i", columns, residual)

@@ -2,7 +2,7 @@
 
 The paper's fidelity parts are "used to extract: (i) the minimum resolvable XY feature size for raised elements, (ii)
 the minimum XY separation required to avoid feature merging, (iii) the minimum resolvable diameter variation for
-recessed features, and (iv) the minimum reproducible Z step". Here each becomes a rule that needs no judgement:
+recessed features, and (iv) the minimum reproducible Z step". Here each becomes a rule that requires no judgement:
 
 - (i) the smallest nominal diameter for which this pillar and all larger ones stand. The printed diameter of that
   pillar is reported with it: the paper's resolvable size is a printed diameter, not a nominal one.
@@ -14,8 +14,8 @@ recessed features, and (iv) the minimum reproducible Z step". Here each becomes 
 - (iv) the smallest nominal step for which every step of this and of every larger size is a significant rise, by a
   one-sided Welch's t-test with 5 % shared among the steps of that size.
 
-A limit is only a bound if the coupon's smallest feature is resolved, and does not exist if the largest is not. The next
-smaller feature, which is not resolved, is reported too: the true limit is between the two.
+A limit is only an upper bound if the coupon's smallest feature is resolved, and does not exist if the largest is not.
+The next smaller feature, which is not resolved, is reported too: the true limit is between the two.
 """
 
 import math
@@ -26,8 +26,10 @@ from itertools import permutations
 import numpy as np
 from scipy.stats import t as student
 
-LEVEL = 0.05
+SIGNIFICANCE = 0.05
+"""Significance level of the tests."""
 SAME_MM = 1e-6
+"""Difference below which nominal sizes are equal."""
 MIN_HOLES = 4
 OUTSIDE = "not in the image"
 
@@ -47,7 +49,7 @@ class MeasuredSize:
     resolved
         Whether it stands, is open, or is a rise; None if the image does not show it well enough.
     reason
-        Reason why it is not resolved or undecided.
+        Reason why it is unresolved or undecided.
     diameter_mm
         Nominal diameter of the pillars of a gap.
     u_own_mm
@@ -78,7 +80,7 @@ class Limit:
     measured_mm, u_measured_mm
         Measured size at that nominal size, and its standard uncertainty.
     next_mm
-        The next smaller nominal size, which is not resolved or undecided; None if there is none.
+        The next smaller nominal size, which is unresolved or undecided; None if there is none.
     bound
         Whether the coupon has no smaller feature that could fail, in which case the limit may be smaller.
     """
@@ -93,14 +95,16 @@ class Limit:
 
 def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
     """Return the limits of all kinds that were measured."""
-    by = {kind: [one for one in measured if one.kind == kind] for kind in ("pillar", "gap", "hole", "step")}
-    sizes = {pillar.nominal_mm for pillar in by["pillar"]}
+    by_kind = {
+        kind: [feature for feature in measured if feature.kind == kind] for kind in ("pillar", "gap", "hole", "step")
+    }
+    sizes = {pillar.nominal_mm for pillar in by_kind["pillar"]}
     limits = [
-        smallest("positive_diameter", by["pillar"]) if len(sizes) > 1 else None,
-        smallest("gap", by["gap"]),
-        smallest("hole", by["hole"]),
-        hole_variation(by["hole"]),
-        z_step(by["step"]),
+        smallest("positive_diameter", by_kind["pillar"]) if len(sizes) > 1 else None,
+        smallest("gap", by_kind["gap"]),
+        smallest("hole", by_kind["hole"]),
+        hole_variation(by_kind["hole"]),
+        z_step(by_kind["step"]),
     ]
     return tuple(limit for limit in limits if limit is not None)
 
@@ -110,21 +114,21 @@ def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
 
     Return None if the image shows no feature of the kind.
     """
-    seen = [one for one in measured if one.resolved is not None or one.reason != OUTSIDE]
-    if not seen:
+    visible = [feature for feature in measured if feature.resolved is not None or feature.reason != OUTSIDE]
+    if not visible:
         return None
     limit = Limit(kind)
-    for size in sorted({one.nominal_mm for one in seen}, reverse=True):
-        group = [one for one in seen if one.nominal_mm == size]
-        if not all(one.resolved for one in group):
-            failed = any(one.resolved is False for one in group)
+    for size in sorted({feature.nominal_mm for feature in visible}, reverse=True):
+        group = [feature for feature in visible if feature.nominal_mm == size]
+        if not all(feature.resolved for feature in group):
+            failed = any(feature.resolved is False for feature in group)
             return replace(limit, next_mm=size, bound=limit.nominal_mm is not None and not failed)
         limit = Limit(kind, size, group[0].measured_mm, group[0].u_measured_mm)
     return replace(limit, bound=True)
 
 
 def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
-    """Return limit (iii), or None for fewer than four measured holes or holes of one size only."""
+    """Return limit (iii), or None for fewer than four measured holes or for holes of a single size."""
     rows = [
         (hole.nominal_mm, hole.measured_mm, hole.u_measured_mm)
         for hole in holes
@@ -138,13 +142,13 @@ def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
     scatter = math.sqrt(float(np.sum((measured - slope * nominal - offset) ** 2)) / freedom)
     u_pair = math.sqrt(2.0) * max(scatter, float(np.sqrt(np.mean(u_each**2))))
     pairs = [(i, k) for i, k in permutations(range(len(rows)), 2) if nominal[k] - nominal[i] > SAME_MM]
-    needed = float(student.ppf(1.0 - LEVEL / len(pairs), freedom)) * u_pair
+    min_difference = float(student.ppf(1.0 - SIGNIFICANCE / len(pairs), freedom)) * u_pair
     by_size: dict[float, list[float]] = {}
     for low, high in pairs:
         by_size.setdefault(round(float(nominal[high] - nominal[low]), 6), []).append(measured[high] - measured[low])
     limit = Limit("hole_variation")
     for size in sorted(by_size, reverse=True):
-        if min(by_size[size]) <= needed:
+        if min(by_size[size]) <= min_difference:
             return replace(limit, next_mm=size)
         limit = Limit("hole_variation", size, float(np.mean(by_size[size])), u_pair)
     return replace(limit, bound=True)
@@ -152,12 +156,12 @@ def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
 
 def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
     """Return limit (iv) from the significance of the steps, or None if no step was measured."""
-    seen = [step for step in steps if step.resolved is not None]
-    if not seen:
+    measured = [step for step in steps if step.resolved is not None]
+    if not measured:
         return None
     limit = Limit("z_step")
-    for size in sorted({round(step.nominal_mm, 6) for step in seen}, reverse=True):
-        group = [step for step in seen if abs(step.nominal_mm - size) < SAME_MM]
+    for size in sorted({round(step.nominal_mm, 6) for step in measured}, reverse=True):
+        group = [step for step in measured if abs(step.nominal_mm - size) < SAME_MM]
         if not all(step.resolved for step in group):
             return replace(limit, next_mm=size)
         limit = _mean_step(size, group)
@@ -165,16 +169,16 @@ def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
-    """Return a limit with the mean of the steps of that size; its uncertainty is from their scatter or their own."""
+    """Return the limit for steps of one size, with their mean; its uncertainty is at least that from their scatter."""
     rises = np.array([step.measured_mm for step in group], dtype=float)
-    own = np.array([step.u_measured_mm for step in group], dtype=float)
+    u_rises = np.array([step.u_measured_mm for step in group], dtype=float)
     count = len(rises)
     scatter = float(np.std(rises, ddof=1)) / math.sqrt(count) if count > 1 else 0.0
-    return Limit("z_step", size, float(rises.mean()), max(scatter, float(np.sqrt(np.sum(own**2))) / count))
+    return Limit("z_step", size, float(rises.mean()), max(scatter, float(np.sqrt(np.sum(u_rises**2))) / count))
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Return the probability that such a mean rise occurs by chance, by a one-sided Welch's t-test."""
+    """Return the probability that such a mean rise occurs by chance, from a one-sided Welch's t-test."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

@@ -1,4 +1,4 @@
-"""Location of a coupon in an image or a height map, from the blobs of its features or from the slab.
+"""Location of a coupon in an image or a height map, from the blobs of its features or from its slab.
 
 Two blobs whose sizes and distance match two of the largest features fix the pose of the entire coupon, once as drawn
 and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and the
@@ -29,31 +29,31 @@ diameter.
 """
 TRIED_FEATURES = 9
 """Number of the largest features that are tried as the two blobs of a hypothesis."""
-SCALE = 0.06
-"""Largest combined relative deviation of print and scale from the layout."""
-SIZE = 0.5
-"""Largest natural logarithm of the ratio of a blob's size to its feature's."""
-SHORT = 0.12
+MAX_SCALE_ERROR = 0.06
+"""Largest relative deviation of distances in the image from the layout, due to print and scale together."""
+MAX_LOG_SIZE = 0.5
+"""Largest magnitude of the natural logarithm of the ratio of a blob's size to its feature's."""
+MIN_SPAN = 0.12
 """Minimum distance between the two features of a hypothesis, as a fraction of the coupon's extent."""
-NEAR_MM, NEARER_MM = 0.25, 0.12
-"""Largest distance of a blob from the position of its feature, before and after the fit."""
-PLACE_MM, DIAMETER_MM = 0.02, 0.04
+MATCH_MM, REFINED_MATCH_MM = 0.25, 0.12
+"""Largest distance of a blob from the position of its feature, before and after the first fit."""
+U_POSITION_MM, U_DIAMETER_MM = 0.02, 0.04
 """Assumed standard deviations of a blob's position and diameter."""
-GROWN_MM, STRETCHED = 0.06, 0.015
-"""Assumed standard deviations of a size offset common to all features, and of the scale: a shift by one feature would
-imply a print of another size.
+U_GROWTH_MM, U_SCALE = 0.06, 0.015
+"""Assumed standard deviations of a size offset common to all features, and of the scale. A pose shifted by one feature
+of a graded row implies such an offset.
 """
-MISSING, MARK = 4.0, 4.0
+MISSING_COST, MARK_WEIGHT = 4.0, 4.0
 """Cost of a feature without a blob, and the extra weight of a mark."""
-CLEAR = 4.0
+MIN_COST_DIFFERENCE = 4.0
 """Minimum cost difference between the best hypothesis and any other."""
-PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
-"""Number of pose parameters; number of further positions above which their scatter is reliable; and its minimum
-value.
+POSE_PARAMETERS, MIN_FREEDOM, MIN_RMS_MM = 4, 8, 0.003
+"""Number of pose parameters, minimum number of degrees of freedom for an estimate of the position scatter, and lower
+limit of this estimate.
 """
-MAX_GUESSES, FITTED = 4000, 40
+MAX_PAIRS, MAX_FITTED = 4000, 40
 MIN_FEATURES = 3
-AREA, SIDES = 0.15, 0.1
+MAX_AREA_ERROR, MAX_ASPECT_ERROR = 0.15, 0.1
 """Largest relative deviations of a slab's area and side ratio from the layout."""
 
 
@@ -72,7 +72,7 @@ class Location:
     oriented
         Whether the marks distinguish the coupon from its mirror image.
     rms_mm
-        Root mean square distance of the blobs from the positions of their features.
+        RMS distance of the blobs from the positions of their features.
     """
 
     pose: Pose
@@ -83,7 +83,7 @@ class Location:
 
 
 @dataclass(frozen=True)
-class _Guess:
+class _Hypothesis:
     pose: Pose
     pairs: tuple[tuple[int, int], ...]
     cost: float
@@ -93,7 +93,7 @@ class _Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """A coupon's round features and the image blobs that they are matched with."""
+    """A coupon's round features, and the blobs of an image that may be images of them."""
 
     features: Sequence[Feature]
     blobs: Blobs
@@ -102,102 +102,106 @@ class _Search:
     bright: bool
 
     @property
-    def places_mm(self) -> FloatArray:
-        return places(self.features)
+    def centres_mm(self) -> FloatArray:
+        return centres_of(self.features)
 
     @property
     def sizes_mm(self) -> FloatArray:
         return np.array([feature.diameter_mm for feature in self.features])
 
-    def alike(self, px_per_mm: float) -> BoolArray:
-        """Return whether features (rows) and blobs (columns) are of about the same size."""
+    def similar_sizes(self, px_per_mm: float) -> BoolArray:
+        """Return a mask of features (rows) and blobs (columns) of about the same size."""
         ratio = self.blobs.diameter_px[None, :] / (px_per_mm * self.sizes_mm[:, None])
-        return np.asarray(np.abs(np.log(ratio)) < SIZE)
+        return np.asarray(np.abs(np.log(ratio)) < MAX_LOG_SIZE)
 
-    def guesses(self) -> list[_Guess]:
-        """Return fitted hypotheses of the coupon's pose."""
+    def hypotheses(self) -> list[_Hypothesis]:
+        """Return hypotheses of the coupon's pose, each fitted to its blobs."""
         if len(self.blobs.diameter_px) < MIN_FEATURES:
             return []
         return [self._refined(pose) for pose in self._rough()]
 
     def _rough(self) -> list[Pose]:
-        """Return poses from pairs of blobs, those that explain the most features first."""
-        at, seen = self.places_mm, self.blobs.places_px
-        extent = float(np.ptp(at, axis=0).max())
+        """Return poses from pairs of blobs, ordered by the number of features that they explain."""
+        centres, blob_centres = self.centres_mm, self.blobs.centres_px
+        extent = float(np.ptp(centres, axis=0).max())
         order = np.argsort(-self.sizes_mm, kind="stable")[:TRIED_FEATURES]
-        apart = np.hypot(*(seen[None, :] - seen[:, None]).transpose(2, 0, 1))
-        alike = self.alike(self.px_per_mm)
+        distances = np.hypot(*(blob_centres[None, :] - blob_centres[:, None]).transpose(2, 0, 1))
+        similar_sizes = self.similar_sizes(self.px_per_mm)
         pairs: list[tuple[int, int, int, int, bool]] = []
         for i, k in combinations(order.tolist(), 2):
-            distance = float(np.hypot(*(at[i] - at[k])))
-            if distance < SHORT * extent:
+            distance = float(np.hypot(*(centres[i] - centres[k])))
+            if distance < MIN_SPAN * extent:
                 continue
-            near = np.abs(apart / (self.px_per_mm * distance) - 1.0) < SCALE
-            both = np.argwhere(near & alike[i][:, None] & alike[k][None, :]).tolist()
+            near = np.abs(distances / (self.px_per_mm * distance) - 1.0) < MAX_SCALE_ERROR
+            both = np.argwhere(near & similar_sizes[i][:, None] & similar_sizes[k][None, :]).tolist()
             pairs += [(i, k, first, second, mirrored) for first, second in both for mirrored in (False, True)]
-        if len(pairs) > MAX_GUESSES:
-            pairs = pairs[:: len(pairs) // MAX_GUESSES + 1]
-        poses = [Pose.fitted(at[[i, k]], seen[[first, second]], mirrored=m) for i, k, first, second, m in pairs]
-        explained = [self._explained(pose, alike) for pose in poses]
+        if len(pairs) > MAX_PAIRS:
+            pairs = pairs[:: len(pairs) // MAX_PAIRS + 1]
+        poses = [
+            Pose.fitted(centres[[i, k]], blob_centres[[first, second]], mirrored=m) for i, k, first, second, m in pairs
+        ]
+        explained = [self._explained(pose, similar_sizes) for pose in poses]
         return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
 
-    def _explained(self, pose: Pose, alike: BoolArray) -> int:
+    def _explained(self, pose: Pose, similar_sizes: BoolArray) -> int:
         """Return the number of features that have a blob of about the right size at their position."""
-        return int(np.count_nonzero(((self._apart_px(pose) < NEAR_MM * self.px_per_mm) & alike).any(axis=1)))
+        return int(
+            np.count_nonzero(((self._distances_px(pose) < MATCH_MM * self.px_per_mm) & similar_sizes).any(axis=1))
+        )
 
-    def _apart_px(self, pose: Pose) -> FloatArray:
+    def _distances_px(self, pose: Pose) -> FloatArray:
         """Return the distances between feature positions (rows) and blobs (columns)."""
-        apart = pose.to_px(self.places_mm)[:, None, :] - self.blobs.places_px[None, :, :]
-        return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
+        offsets = pose.to_px(self.centres_mm)[:, None, :] - self.blobs.centres_px[None, :, :]
+        return np.asarray(np.hypot(offsets[..., 0], offsets[..., 1]))
 
-    def _refined(self, pose: Pose) -> _Guess:
+    def _refined(self, pose: Pose) -> _Hypothesis:
         """Fit a pose to its blobs, and compute its cost."""
         pairs: list[tuple[int, int]] = []
-        for near_mm in (NEAR_MM, NEARER_MM, NEARER_MM):
+        for near_mm in (MATCH_MM, REFINED_MATCH_MM, REFINED_MATCH_MM):
             pairs = self._pairs(pose, near_mm)
             if len(pairs) < 2:
                 break
             i, j = np.array(pairs).T
-            pose = Pose.fitted(self.places_mm[i], self.blobs.places_px[j], mirrored=pose.mirrored)
+            pose = Pose.fitted(self.centres_mm[i], self.blobs.centres_px[j], mirrored=pose.mirrored)
         cost, rms = self._cost(pose, pairs)
-        return _Guess(pose, tuple(pairs), cost, rms, self.bright)
+        return _Hypothesis(pose, tuple(pairs), cost, rms, self.bright)
 
     def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
         """Return pairs of features and blobs that are mutual nearest neighbours."""
-        apart = np.where(self.alike(pose.px_per_mm), self._apart_px(pose), np.inf)
-        nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
-        most = near_mm * pose.px_per_mm
-        return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and apart[i, j] < most]
+        distances = np.where(self.similar_sizes(pose.px_per_mm), self._distances_px(pose), np.inf)
+        nearest, back = distances.argmin(axis=1), distances.argmin(axis=0)
+        max_px = near_mm * pose.px_per_mm
+        return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and distances[i, j] < max_px]
 
     def _cost(self, pose: Pose, pairs: list[tuple[int, int]]) -> tuple[float, float]:
-        """Return the cost of a pose, and the rms distance of its blobs from the features.
+        """Return the cost of a pose, and the RMS distance of its blobs from the features.
 
-        The cost is the sum of squared deviations, each at most `MISSING`, plus `MISSING` for each feature without a
-        blob though it should be in the image, minus `MISSING` for each blob that is explained.
+        The cost is the sum of squared deviations, each at most `MISSING_COST`, plus `MISSING_COST` for each feature
+        without a blob that should be in the image, minus `MISSING_COST` for each blob that is explained.
         """
-        weight = np.array([MARK if feature.kind == "mark" else 1.0 for feature in self.features])
-        expected, scale, sizes = pose.to_px(self.places_mm), pose.px_per_mm, self.sizes_mm
+        weight = np.array([MARK_WEIGHT if feature.kind == "mark" else 1.0 for feature in self.features])
+        expected, scale, sizes = pose.to_px(self.centres_mm), pose.px_per_mm, self.sizes_mm
         reach = 0.6 * scale * sizes[:, None]
         inside = (expected > reach).all(axis=1) & (expected < np.array(self.shape[::-1]) - reach).all(axis=1)
-        lost = MISSING * weight * inside
+        missing = MISSING_COST * weight * inside
         if not pairs:
-            return float(lost.sum()), float("inf")
+            return float(missing.sum()), float("inf")
         i, j = np.array(pairs).T
-        away = np.hypot(*(expected[i] - self.blobs.places_px[j]).T) / scale
-        larger = self.blobs.diameter_px[j] / scale - sizes[i]
-        off = (away / PLACE_MM) ** 2 + ((larger - np.median(larger)) / DIAMETER_MM) ** 2
-        kept = np.minimum(off, MISSING) * weight[i]
-        rest = lost.sum() - lost[i].sum() - MISSING * len(pairs)
-        rest += (float(np.median(larger)) / GROWN_MM) ** 2 + ((scale / self.px_per_mm - 1.0) / STRETCHED) ** 2
-        return float(kept.sum() + rest), float(np.sqrt(np.mean(away**2)))
+        distance = np.hypot(*(expected[i] - self.blobs.centres_px[j]).T) / scale
+        excess = self.blobs.diameter_px[j] / scale - sizes[i]
+        deviations = (distance / U_POSITION_MM) ** 2 + ((excess - np.median(excess)) / U_DIAMETER_MM) ** 2
+        limited = np.minimum(deviations, MISSING_COST) * weight[i]
+        remainder = missing.sum() - missing[i].sum() - MISSING_COST * len(pairs)
+        remainder += (float(np.median(excess)) / U_GROWTH_MM) ** 2 + ((scale / self.px_per_mm - 1.0) / U_SCALE) ** 2
+        return float(limited.sum() + remainder), float(np.sqrt(np.mean(distance**2)))
 
 
-def places(features: Sequence[Feature]) -> FloatArray:
+def centres_of(features: Sequence[Feature]) -> FloatArray:
     """Return the centres (N, 2) of features, mm."""
     return np.array([(feature.x_mm, feature.y_mm) for feature in features])
 
 
-def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, most_rise: float = math.inf) -> Location:
+def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, max_rise: float = math.inf) -> Location:
     """Find a coupon of round features in an image.
 
     Parameters
@@ -211,7 +215,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     what
         Name of the image in errors.
     most_rise
-        Grey value above the surroundings beyond which features count as equally bright.
+        Rise above the surroundings to which higher rises are clipped, so that tall and low features look alike.
 
     Raises
     ------
@@ -220,50 +224,54 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     """
     features = [feature for feature in coupon.features if feature.round]
     window = WINDOW * px_per_mm * max(feature.diameter_mm for feature in features)
-    guesses: list[_Guess] = []
+    hypotheses: list[_Hypothesis] = []
     for bright in (True, False):
-        found = blobs(grey, window, bright=bright, most_rise=most_rise)
-        search = _Search(features, found, px_per_mm, grey.shape, bright)
-        guesses += search.guesses()
-    guesses.sort(key=lambda guess: guess.cost)
-    if not guesses or len(guesses[0].pairs) < MIN_FEATURES:
+        candidates = blobs(grey, window, bright=bright, max_rise=max_rise)
+        search = _Search(features, candidates, px_per_mm, grey.shape, bright)
+        hypotheses += search.hypotheses()
+    hypotheses.sort(key=lambda hypothesis: hypothesis.cost)
+    if not hypotheses or len(hypotheses[0].pairs) < MIN_FEATURES:
         limit = f"shows no {coupon.name}: fewer than {MIN_FEATURES} of its features are at the expected positions"
         remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the image"
         raise DataError(what, limit=limit, remedy=remedy)
-    best = guesses[0]
-    _check_clear(best, guesses, places([feature for feature in features if feature.kind != "mark"]), what, coupon.name)
-    flipped = [guess.cost for guess in guesses if guess.pose.mirrored != best.pose.mirrored]
-    oriented = not flipped or min(flipped) - best.cost >= CLEAR
+    best = hypotheses[0]
+    _check_unambiguous(
+        best, hypotheses, centres_of([feature for feature in features if feature.kind != "mark"]), what, coupon.name
+    )
+    flipped = [hypothesis.cost for hypothesis in hypotheses if hypothesis.pose.mirrored != best.pose.mirrored]
+    oriented = not flipped or min(flipped) - best.cost >= MIN_COST_DIFFERENCE
     return Location(best.pose, best.bright, tuple(features[i].name for i, _ in best.pairs), oriented, best.rms_mm)
 
 
-def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, what: str, name: str) -> None:
+def _check_unambiguous(
+    best: _Hypothesis, hypotheses: list[_Hypothesis], measured_mm: FloatArray, what: str, name: str
+) -> None:
     """Raise `DataError` if another pose fits nearly as well and would measure other positions."""
-    here = best.pose.to_px(measured_mm)
-    for other in guesses[1:]:
-        if other.cost - best.cost >= CLEAR:
+    positions = best.pose.to_px(measured_mm)
+    for other in hypotheses[1:]:
+        if other.cost - best.cost >= MIN_COST_DIFFERENCE:
             return
-        elsewhere = np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm
-        if elsewhere and other.cost - best.cost + _farther(other, best) < CLEAR:
-            limit = f"the {name} has an ambiguous pose: its marks or largest features are not visible"
+        elsewhere = np.hypot(*(positions - other.pose.to_px(measured_mm)).T).max() > MATCH_MM * best.pose.px_per_mm
+        if elsewhere and other.cost - best.cost + _position_cost(other, best) < MIN_COST_DIFFERENCE:
+            limit = f"shows {name} in an ambiguous pose: its marks or largest features are not visible"
             raise DataError(what, limit=limit, remedy="take an image that shows the marks")
 
 
-def _farther(other: _Guess, best: _Guess) -> float:
-    """Return additional evidence from positions; the cost assumes larger errors than this coupon may have."""
-    free = 2 * len(best.pairs) - PARAMETERS
-    if free < MANY:
+def _position_cost(other: _Hypothesis, best: _Hypothesis) -> float:
+    """Return a pose's additional cost if positions scatter as in the best pose; `_cost` assumes more scatter."""
+    free = 2 * len(best.pairs) - POSE_PARAMETERS
+    if free < MIN_FREEDOM:
         return 0.0
-    return free * (other.rms_mm**2 - best.rms_mm**2) / max(best.rms_mm, PLACED_MM) ** 2
+    return free * (other.rms_mm**2 - best.rms_mm**2) / max(best.rms_mm, MIN_RMS_MM) ** 2
 
 
 def _distinct(poses: Sequence[Pose], extent_mm: float) -> list[Pose]:
-    """Return the first poses that differ by more than `NEAR_MM`."""
+    """Return the first `MAX_FITTED` poses that differ by more than `MATCH_MM`."""
     chosen: list[Pose] = []
     for pose in poses:
         if not any(_same(pose, other, extent_mm) for other in chosen):
             chosen.append(pose)
-        if len(chosen) == FITTED:
+        if len(chosen) == MAX_FITTED:
             break
     return chosen
 
@@ -273,33 +281,33 @@ def _same(pose: Pose, other: Pose, extent_mm: float) -> bool:
         return False
     corner = np.array([[extent_mm, 0.0]])
     turned = math.dist(pose.direction_px(corner)[0] * pose.px_per_mm, other.direction_px(corner)[0] * other.px_per_mm)
-    return turned + math.dist(pose.origin_px, other.origin_px) < NEAR_MM * pose.px_per_mm
+    return turned + math.dist(pose.origin_px, other.origin_px) < MATCH_MM * pose.px_per_mm
 
 
 def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Location:
-    """Find a coupon whose slab is entirely in a height map and above its surroundings.
+    """Find a coupon whose slab is entirely in a height map and rises above its surroundings.
 
     Raises
     ------
     DataError
-        If there is no such rectangle.
+        If there is no such slab.
     """
     slab = coupon.slab
     if slab is None:
-        raise DataError(what, limit=f"cannot be located: a {coupon.name} has no slab")
+        raise DataError(what, limit=f"cannot be located: the coupon {coupon.name} has no slab")
     low = float(np.nanpercentile(z_mm, 1.0))
     raised = np.nan_to_num(z_mm, nan=low) > low + 0.5 * slab.thickness_mm
     labels, _ = ndimage.label(ndimage.binary_opening(raised, iterations=2))
     sizes = np.bincount(labels.ravel())[1:]
     expected = slab.width_mm * slab.depth_mm * px_per_mm**2
-    if sizes.size and abs(float(sizes.max()) / expected - 1.0) <= AREA:
+    if sizes.size and abs(float(sizes.max()) / expected - 1.0) <= MAX_AREA_ERROR:
         piece = np.argwhere(labels == int(sizes.argmax()) + 1).astype(float)[:, ::-1]
-        moments, ways = np.linalg.eigh(np.cov(piece.T))
-        if abs(math.sqrt(moments[1] / moments[0]) / (slab.width_mm / slab.depth_mm) - 1.0) <= SIDES:
+        moments, axes = np.linalg.eigh(np.cov(piece.T))
+        if abs(math.sqrt(moments[1] / moments[0]) / (slab.width_mm / slab.depth_mm) - 1.0) <= MAX_ASPECT_ERROR:
             x, y = piece.mean(axis=0).tolist()
-            angle = -math.degrees(math.atan2(ways[1, 1], ways[0, 1]))
-            both = [Pose(angle + turn, (x, y), 1e3 / px_per_mm) for turn in (0.0, 180.0)]
-            best = max(both, key=lambda pose: _covariance(z_mm, coupon, pose))
+            angle = -math.degrees(math.atan2(axes[1, 1], axes[0, 1]))
+            poses = [Pose(angle + turn, (x, y), 1e3 / px_per_mm) for turn in (0.0, 180.0)]
+            best = max(poses, key=lambda pose: _covariance(z_mm, coupon, pose))
             return Location(best, True, tuple(feature.name for feature in coupon.features), True, 0.0)
     limit = f"shows no {coupon.name}: no slab of {slab.width_mm:g} x {slab.depth_mm:g} mm is visible"
     raise DataError(what, limit=limit, remedy="check --um-per-px and --z-um; the entire slab must be in the map")
@@ -310,7 +318,7 @@ def _covariance(z_mm: FloatArray, coupon: Coupon, pose: Pose) -> float:
     reach = max(1, int(0.2 * min(feature.depth_mm for feature in coupon.features) * pose.px_per_mm))
     heights = [
         float(np.nanmedian(z_mm[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]))
-        for x, y in pose.to_px(places(coupon.features)).round().astype(int).tolist()
+        for x, y in pose.to_px(centres_of(coupon.features)).round().astype(int).tolist()
     ]
     nominal = np.array([feature.height_mm for feature in coupon.features])
     return float(np.sum((nominal - nominal.mean()) * np.array(heights)))

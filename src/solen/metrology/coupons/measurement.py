@@ -10,10 +10,10 @@ import numpy as np
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature, Gap
 from solen.metrology.coupons.disc import MIN_RADIUS_PX, Disc, fit_disc
-from solen.metrology.coupons.gap import DEEP, GapFit, fit_gap
+from solen.metrology.coupons.gap import MIN_DEPTH, GapFit, fit_gap
 from solen.metrology.coupons.heights import Height, height_of, steps_of
 from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredSize, limits_of
-from solen.metrology.coupons.locate import Location, locate, locate_slab, places
+from solen.metrology.coupons.locate import Location, centres_of, locate, locate_slab
 from solen.metrology.height_map import HeightMap
 from solen.metrology.image import Image
 from solen.metrology.pose import Pose
@@ -22,28 +22,30 @@ from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
-SNR = 6.0
+MIN_SNR = 6.0
 """Ratio of a disc's rise to its uncertainty below which the disc counts as missing."""
-COVERAGE = 0.75
-"""Fraction of the edge that must be present."""
-RISE = 0.25
-"""Rise relative to the typical one below which a disc is treated as a stain or a stump."""
-UNSURE = 0.3
-"""Relative uncertainty of the diameter above which a disc is not measured."""
+MIN_COVERAGE = 0.75
+"""Minimum fraction of the edge that is visible."""
+MIN_RISE = 0.25
+"""Rise relative to the typical one below which a disc is taken for a stain or a stump."""
+MAX_U_DIAMETER = 0.3
+"""Relative uncertainty of the diameter above which a disc counts as missing."""
 FIRST_BLUR_PX = 2.0
-EDGE = 5.0
+"""Initial blur."""
+EDGE_BLURS = 5.0
 """Half width of an edge, in blurs."""
-AWAY_MM = 0.12
-"""Maximum distance of a feature from its nominal position."""
-LOW = 0.9
+MAX_OFFSET_MM = 0.12
+"""Largest distance of a feature from its nominal position."""
+CLIP_HEIGHT = 0.9
 """Fraction of the lowest column's height; columns of a height map are separated up to this height."""
-SURE_PX = 8.0
+MIN_BLUR_RADIUS_PX = 8.0
 """Radius in pixels above which a disc determines the blur."""
-BLURRED_PX = 8.0
-CHANGED = 0.02
-"""Relative difference between print or scale and layout above which a warning is given."""
+MAX_BLUR_PX = 8.0
+"""Blur above which a warning is given."""
+MAX_SIZE_CHANGE = 0.02
+"""Relative deviation of distances from the layout above which a warning is given."""
 TOO_SMALL = "too small for this image"
-CALIBRATES = ("pillar", "hole", "gap", "step")
+CALIBRATION_KINDS = ("pillar", "hole", "gap", "step")
 
 
 class CouponMeasurement(Result):
@@ -111,12 +113,14 @@ class CouponMeasurement(Result):
     @reported
     def features(self) -> list[MeasuredSize]:
         """Pillars, holes, gaps and steps, resolved or not, for the calibration of a printer."""
-        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is not None]
+        return [
+            feature for feature in self.measured if feature.kind in CALIBRATION_KINDS and feature.resolved is not None
+        ]
 
     @reported
     def undecided(self) -> list[MeasuredSize]:
         """Features that the image does not show well enough, with the reason."""
-        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is None]
+        return [feature for feature in self.measured if feature.kind in CALIBRATION_KINDS and feature.resolved is None]
 
     @reported
     def marks(self) -> list[MeasuredSize]:
@@ -133,19 +137,19 @@ def measure_coupon(image: Image | HeightMap, coupon: Coupon) -> CouponMeasuremen
         If the coupon has nothing that the image or map can show, or is not found.
     """
     z_mm = image.z_mm if isinstance(image, HeightMap) else None
-    what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
-    _check_kind(coupon, image, what)
-    blocks = not any(feature.round for feature in coupon.features)
+    file, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
+    _check_kind(coupon, image, file)
+    of_blocks = not any(feature.round for feature in coupon.features)
     columns = [feature for feature in coupon.features if feature.kind in {"pillar", "mark"}] if z_mm is not None else []
     if not isinstance(image, HeightMap):
-        location = locate(image.grey, coupon, px_per_mm, what)
-    elif blocks:
-        location = locate_slab(image.z_mm, coupon, px_per_mm, what)
+        location = locate(image.grey, coupon, px_per_mm, file)
+    elif of_blocks:
+        location = locate_slab(image.z_mm, coupon, px_per_mm, file)
     else:
         lowest = min((column.height_mm for column in columns), default=math.inf)
-        location = locate(image.filled_mm, coupon, px_per_mm, what, most_rise=LOW * lowest)
+        location = locate(image.filled_mm, coupon, px_per_mm, file, max_rise=CLIP_HEIGHT * lowest)
     fits = _DiscFits(image, coupon, location)
-    discs, reasons, blur = ({}, {}, None) if blocks else fits.checked()
+    discs, reasons, blur = ({}, {}, None) if of_blocks else fits.present()
     gaps = {gap.name: fit for gap in coupon.gaps if (fit := _fitted_gap(image, gap, discs)) is not None}
     heights = {column.name: height_of(z_mm, coupon, column, location.pose) for column in columns if z_mm is not None}
     measured = [_round(feature, discs, reasons, image.scale) for feature in coupon.features if feature.round]
@@ -174,16 +178,14 @@ def measure_coupon(image: Image | HeightMap, coupon: Coupon) -> CouponMeasuremen
     )
 
 
-def _check_kind(coupon: Coupon, image: Image | HeightMap, what: str) -> None:
+def _check_kind(coupon: Coupon, image: Image | HeightMap, file: str) -> None:
     if not coupon.measured_kinds:
         limit = f"cannot be measured: the coupon {coupon.name} has no features that an image shows"
-        raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
-    sizes = {one.diameter_mm for one in coupon.of_kind("pillar")}
+        raise DataError(file, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
+    sizes = {pillar.diameter_mm for pillar in coupon.of_kind("pillar")}
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
-        limit = f"cannot be measured: a {coupon.name} varies only in height, which an image does not show"
-        raise DataError(
-            what, limit=limit, remedy="use a height map, and specify the height of one of its levels with --z-um"
-        )
+        limit = f"cannot be measured: the coupon {coupon.name} varies only in height, which an image does not show"
+        raise DataError(file, limit=limit, remedy="use a height map, and set --z-um to the height of one of its levels")
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,18 +200,18 @@ class _DiscFits:
     def pose(self) -> Pose:
         return self.location.pose
 
-    def checked(self) -> tuple[dict[str, Disc], dict[str, str], float]:
-        """Return the round features that exist, the reasons for the others, and the blur in px."""
+    def present(self) -> tuple[dict[str, Disc], dict[str, str], float]:
+        """Return the discs that are present, the reasons why others are missing, and the blur in px."""
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
         heights = {
             name: feature.height_mm if isinstance(self.image, HeightMap) else 1.0 for name, feature in features.items()
         }
-        clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > SNR]
+        clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > MIN_SNR]
         typical = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
         discs = {}
         for name, fit in fits.items():
-            reason = self._missing(features[name], fit, typical * heights[name])
+            reason = self._reason_missing(features[name], fit, typical * heights[name])
             if fit is not None and not reason:
                 discs[name] = fit
             else:
@@ -217,25 +219,25 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Return the fits of visible features, and reasons for the others; large features supply the blur."""
+        """Return the fits of visible features, the reasons for the others, and the blur of the large ones."""
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
         ceiling = self.image.ceiling if isinstance(self.image, Image) else math.inf
-        for one in sorted(
-            (feature for feature in self.coupon.features if feature.round), key=lambda one: -one.diameter_mm
+        for feature in sorted(
+            (feature for feature in self.coupon.features if feature.round), key=lambda feature: -feature.diameter_mm
         ):
-            radius = 0.5 * one.diameter_mm * self.pose.px_per_mm
-            if not known and radius < SURE_PX and fits:
+            radius = 0.5 * feature.diameter_mm * self.pose.px_per_mm
+            if not known and radius < MIN_BLUR_RADIUS_PX and fits:
                 blur, known = _blur(fits, blur), True
-            x, y = self.pose.to_px(places([one]))[0].tolist()
+            x, y = self.pose.to_px(centres_of([feature]))[0].tolist()
             rows, columns = self.image.grey.shape
-            reach = radius + EDGE * blur
+            reach = radius + EDGE_BLURS * blur
             if not (reach < x < columns - 1 - reach and reach < y < rows - 1 - reach):
-                reasons[one.name] = OUTSIDE
+                reasons[feature.name] = OUTSIDE
                 continue
-            free, blocked = self._surroundings(one, blur)
-            fits[one.name] = fit_disc(
+            free, blocked = self._surroundings(feature, blur)
+            fits[feature.name] = fit_disc(
                 self.image.grey,
                 (x, y),
                 radius,
@@ -248,9 +250,9 @@ class _DiscFits:
         return fits, reasons, _blur(fits, blur)
 
     def _surroundings(self, feature: Feature, blur: float) -> tuple[float, list[float]]:
-        """Return the free distance beyond a feature's edge in px, and the directions of features that are too near."""
+        """Return the free distance around a feature's edge in px, and the directions of features that are too near."""
         scale, coupon = self.pose.px_per_mm, self.coupon
-        need = EDGE * blur + 3.0
+        need = EDGE_BLURS * blur + 3.0
         reach = max(0.4 * feature.diameter_mm * scale, need)
         blocked = []
         for other in coupon.features:
@@ -258,42 +260,42 @@ class _DiscFits:
                 continue
             free = feature.distance_mm(other) * scale
             if free < 2.0 * need + 0.2 * feature.diameter_mm * scale:
-                way = self.pose.direction_px(np.array([other.x_mm - feature.x_mm, other.y_mm - feature.y_mm]))
-                blocked.append(math.atan2(way[1], way[0]))
+                direction = self.pose.direction_px(np.array([other.x_mm - feature.x_mm, other.y_mm - feature.y_mm]))
+                blocked.append(math.atan2(direction[1], direction[0]))
             else:
                 reach = min(reach, 0.5 * free)
         if coupon.slab is not None:
             sides = (0.5 * coupon.slab.width_mm - abs(feature.x_mm), 0.5 * coupon.slab.depth_mm - abs(feature.y_mm))
             to_edge = min(sides) - 0.5 * feature.diameter_mm
-            reach = min(reach, max(to_edge * scale - EDGE * blur, need))
+            reach = min(reach, max(to_edge * scale - EDGE_BLURS * blur, need))
         return reach, blocked
 
-    def _missing(self, feature: Feature, fit: Disc | None, typical: float) -> str:
-        """Return the reason why a round feature counts as missing; empty if it exists."""
+    def _reason_missing(self, feature: Feature, fit: Disc | None, typical: float) -> str:
+        """Return the reason why a round feature is missing; empty if it is present."""
         if 0.5 * feature.diameter_mm * self.pose.px_per_mm < MIN_RADIUS_PX:
             return TOO_SMALL
-        if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * typical:
+        if fit is None or fit.snr < MIN_SNR or abs(fit.rise) < MIN_RISE * typical:
             return "no edge"
-        if fit.coverage < COVERAGE:
+        if fit.coverage < MIN_COVERAGE:
             return f"only {100 * fit.coverage:.0f} % of its edge is visible"
-        away = math.dist((fit.x_px, fit.y_px), self.pose.to_px(places([feature]))[0]) / self.pose.px_per_mm
-        if away > max(AWAY_MM, 0.25 * feature.diameter_mm):
-            return f"its position deviates by {away:.2g} mm"
-        if fit.u_diameter_px > UNSURE * fit.diameter_px:
+        offset = math.dist((fit.x_px, fit.y_px), self.pose.to_px(centres_of([feature]))[0]) / self.pose.px_per_mm
+        if offset > max(MAX_OFFSET_MM, 0.25 * feature.diameter_mm):
+            return f"its position deviates by {offset:.2g} mm"
+        if fit.u_diameter_px > MAX_U_DIAMETER * fit.diameter_px:
             return "its edge is not clear"
         return ""
 
 
 def _blur(fits: Mapping[str, Disc | None], otherwise: float) -> float:
-    blurs = [fit.blur_px for fit in fits.values() if fit is not None and fit.diameter_px > 2.0 * SURE_PX]
+    blurs = [fit.blur_px for fit in fits.values() if fit is not None and fit.diameter_px > 2.0 * MIN_BLUR_RADIUS_PX]
     return float(np.median(blurs)) if blurs else otherwise
 
 
 def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, str], scale: Scale) -> MeasuredSize:
     disc = discs.get(feature.name)
     if disc is not None:
-        size, u, own = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
-        return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, size, u, resolved=True, u_own_mm=own)
+        size, u, u_own = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
+        return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, size, u, resolved=True, u_own_mm=u_own)
     reason = reasons.get(feature.name, "no edge")
     resolved = None if reason in {OUTSIDE, TOO_SMALL} else False
     return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
@@ -312,25 +314,25 @@ def _gap(
     reasons: Mapping[str, str],
     scale: Scale,
 ) -> MeasuredSize:
-    fit, measured, u_measured, own, resolved, reason = fits.get(gap.name), None, None, None, None, ""
+    fit, measured, u_measured, u_own, resolved, reason = fits.get(gap.name), None, None, None, None, ""
     if fit is None:
         absent = next((name for name in gap.between if name not in discs), "")
         why = reasons.get(absent, OUTSIDE) or "no edge"
         reason = why if why == OUTSIDE else f"{absent}: {why}"
     elif fit.open:
-        (measured, u_measured, own), resolved = _size_mm(fit.width_px, fit.u_width_px, scale), True
-    elif fit.width_px <= 0 or fit.depth < DEEP or gap.gap_mm > 2e-3 * fit.u_width_px * scale.um_per_px:
+        (measured, u_measured, u_own), resolved = _size_mm(fit.width_px, fit.u_width_px, scale), True
+    elif fit.width_px <= 0 or fit.depth < MIN_DEPTH or gap.gap_mm > 2e-3 * fit.u_width_px * scale.um_per_px:
         resolved, reason = False, "merged"
     else:
         reason = TOO_SMALL
     pillar = coupon.feature(gap.between[0]).diameter_mm
-    return MeasuredSize(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar, own)
+    return MeasuredSize(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar, u_own)
 
 
 def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float, float]:
-    """Return a length in mm with its standard uncertainty, including and excluding that of the scale."""
-    size, own = size_px * 1e-3 * scale.um_per_px, u_px * 1e-3 * scale.um_per_px
-    return size, math.hypot(own, size * scale.u_relative), own
+    """Return a length in mm, and its standard uncertainty with and without that of the scale."""
+    size, u_own = size_px * 1e-3 * scale.um_per_px, u_px * 1e-3 * scale.um_per_px
+    return size, math.hypot(u_own, size * scale.u_relative), u_own
 
 
 def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
@@ -338,12 +340,12 @@ def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple
     names = [name for name in discs if not any(name in gap.between for gap in coupon.gaps)] or list(discs)
     if len(names) < 3:
         return None, None
-    at = places([coupon.feature(name) for name in names])
-    seen = np.array([(discs[name].x_px, discs[name].y_px) for name in names])
-    poses = [Pose.fitted(at, seen, mirrored=mirrored) for mirrored in (False, True)]
-    squares = [float(np.sum((pose.to_px(at) - seen) ** 2)) for pose in poses]
+    centres = centres_of([coupon.feature(name) for name in names])
+    positions = np.array([(discs[name].x_px, discs[name].y_px) for name in names])
+    poses = [Pose.fitted(centres, positions, mirrored=mirrored) for mirrored in (False, True)]
+    squares = [float(np.sum((pose.to_px(centres) - positions) ** 2)) for pose in poses]
     variance = min(squares) / max(2 * len(names) - 4, 1)
-    spread = float(np.sum((at - at.mean(axis=0)) ** 2))
+    spread = float(np.sum((centres - centres.mean(axis=0)) ** 2))
     best = poses[squares.index(min(squares))]
     return best.px_per_mm / px_per_mm, math.sqrt(variance / spread) / px_per_mm
 
@@ -357,27 +359,40 @@ def _warnings(
     ratio: float | None,
 ) -> list[Caution]:
     scale = image.scale
-    outside = sum(one.reason == OUTSIDE for one in measured)
-    small = ", ".join(one.name for one in measured if one.reason == TOO_SMALL)
+    outside = sum(feature.reason == OUTSIDE for feature in measured)
+    small = ", ".join(feature.name for feature in measured if feature.reason == TOO_SMALL)
     changed = 100.0 * ((ratio or 1.0) - 1.0)
-    texts = {
-        "the scale uncertainty is not specified (--u-um-per-px), so the uncertainties of the sizes "
-        "exclude it": scale.u_um_per_px is None,
-        f"distances between features deviate by {changed:+.1f} %: the print has shrunk or grown, "
-        "or the scale is wrong": (abs(changed) > 100.0 * CHANGED),
-        "the marks do not show whether the image is mirrored": not location.oriented and bool(coupon.gaps),
-        "the image shows the coupon mirrored: it was taken from below, through the base, or was flipped": (
-            location.oriented and location.pose.mirrored
+    conditions = (
+        (
+            scale.u_um_per_px is None,
+            "the uncertainty of the scale is not specified (--u-um-per-px), so those of the sizes do not include it",
         ),
-        f"{outside} of {len(measured)} features are not in the image": outside > 0,
-        f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
-        "the uncertainty of the height scale is not specified (--u-z-um), so the uncertainties "
-        "of the steps exclude it": (isinstance(image, HeightMap) and image.u_z_um is None and bool(coupon.steps)),
-        "heights and steps are not measured: this requires a height map, not an image": (
-            isinstance(image, Image) and bool(coupon.steps)
+        (
+            abs(changed) > 100.0 * MAX_SIZE_CHANGE,
+            f"distances between features deviate by {changed:+.1f} %: the print has shrunk or grown, or the scale is "
+            "wrong",
         ),
-        f"the image is blurred by {blur or 0.0:.1f} px, so small features and gaps cannot be detected": (
-            (blur or 0.0) > BLURRED_PX
+        (
+            not location.oriented and bool(coupon.gaps),
+            "the marks do not show whether the image is mirrored",
         ),
-    }
-    return [warning(text) for text, holds in texts.items() if holds]
+        (
+            location.oriented and location.pose.mirrored,
+            "the image shows the coupon mirrored: it was taken from below, through the base, or was flipped",
+        ),
+        (outside > 0, f"{outside} of {len(measured)} features are not in the image"),
+        (bool(small), f"too small for pixels of {scale.um_per_px:g} µm and this blur: {small}"),
+        (
+            isinstance(image, HeightMap) and image.u_z_um is None and bool(coupon.steps),
+            "the uncertainty of the height scale is not specified (--u-z-um), so those of the steps do not include it",
+        ),
+        (
+            isinstance(image, Image) and bool(coupon.steps),
+            "heights and steps are not measured: they require a height map",
+        ),
+        (
+            (blur or 0.0) > MAX_BLUR_PX,
+            f"the image is blurred by {blur or 0.0:.1f} px, so small features and gaps cannot be detected",
+        ),
+    )
+    return [warning(text) for applies, text in conditions if applies]
