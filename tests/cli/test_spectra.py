@@ -42,7 +42,7 @@ def test_lists_traces_with_quantity_and_range(export: Path, capsys: pytest.Captu
     assert result["format"] == "agilent-cary-csv"
     assert result["sources"][0]["instrument"] == "Cary 5000"
     assert len(result["warnings"]) == 1
-    assert "film 2: the scan contains 900 to 720 nm" in result["warnings"][0]
+    assert "film 2: the scan covers 900 to 720 nm" in result["warnings"][0]
     lines = printed_by(capsys, export)
     assert all(trace["name"] in lines for trace in result["traces"])
     assert result["warnings"][0] in lines
@@ -73,10 +73,10 @@ def test_figure_has_panel_for_each_quantity(export: Path, suffix: str, capsys: p
     ("content", "line"),
     [
         (cary(TRACES).replace("91.", "9l.", 1), "line 3, column 4 = '9l.37'"),
-        (tensile(), "holds no spectrum"),
+        (tensile(), "contains no spectrum"),
         ("wavelength,T\n0.4,0.9\n0.5,0.9\n", "unit of wavelength = 'none'"),
-        ("x,y\n1,2\n", "holds no spectrum; name the wavelength column wavelength_nm"),
-        ("wavelength_nm\n400\n", "holds no spectrum; add a column of values"),
+        ("x,y\n1,2\n", "contains no spectrum; name the wavelength column wavelength_nm"),
+        ("wavelength_nm\n400\n", "contains no spectrum; add a column of values"),
     ],
 )
 def test_refuses_unreadable_file_in_one_line(

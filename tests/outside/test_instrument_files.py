@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError
-from solen.recording import read, spectra, stated
+from solen.recording import parameter, read, spectra
 
 
 def test_the_cary_export_is_read_trace_by_trace(outside: Path) -> None:
@@ -59,11 +59,11 @@ def test_the_testxpert_export_and_what_the_machine_found(outside: Path) -> None:
     assert recording.need("displacement").values[0] == 6.8902e-05
     assert recording.need("strain").values[-1] == 309.236
     assert recording.warnings == []
-    assert stated(recording, "E-Modul") == (1127.12, "N/mm²")
-    assert stated(recording, "Kraftmaximum") == (37.9483, "N/mm²")
-    assert stated(recording, "Dehnung bei Fmax") == (306.402, "%")
-    assert stated(recording, "Dehnung bei Bruch") == (309.236, "%")
-    assert stated(recording, "Messlänge") is None
+    assert parameter(recording, "E-Modul") == (1127.12, "N/mm²")
+    assert parameter(recording, "Kraftmaximum") == (37.9483, "N/mm²")
+    assert parameter(recording, "Dehnung bei Fmax") == (306.402, "%")
+    assert parameter(recording, "Dehnung bei Bruch") == (309.236, "%")
+    assert parameter(recording, "Messlänge") is None
 
 
 @pytest.mark.parametrize(("file", "rows"), [("Dragon Skin 20", 404), ("Ecoflex 00-30", 705), ("RTV615", 84)])

@@ -1,4 +1,4 @@
-"""Exports made for the tests, as the programs of instruments write them. All numbers are computed."""
+"""Exports for the tests in the form of instruments' programs, with computed numbers."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ def cary(
     log: bool = True,
     value: float = 91.0,
 ) -> str:
-    """Text of a Cary export: each trace is its name, its mode and how many points it is short of the others."""
+    """Return a Cary export; a trace is given by its name, its mode, and the number of points that it lacks."""
     head = ",".join(f"{name}," for name, _, _ in traces) + ","
     modes = ",".join(f"Wavelength (nm),{mode}" for _, mode, _ in traces) + ","
     levels = [(value + 0.37 * trace) * (0.02 if mode == "Abs" else 1.0) for trace, (_, mode, _) in enumerate(traces)]
@@ -75,7 +75,7 @@ TRA_HEAD = """"aktuelle Probe"\t"4"
 
 
 def tensile(points: int = 120) -> str:
-    """Text of a testXpert export of a tension test, German, with tabs."""
+    """Return a German testXpert export of a tension test, with tabs."""
     rows = []
     for n in range(points):
         time = 0.02 + 0.05 * n
@@ -87,7 +87,7 @@ def tensile(points: int = 120) -> str:
 
 
 def _c_number(value: float) -> str:
-    """A number as the older C library of Windows prints it, with three digits in its exponent."""
+    """Return a number in the form of an older C library of Windows, with three digits in the exponent."""
     text = f"{value:.6g}"
     mantissa, mark, exponent = text.partition("e")
     return text if not mark else f"{mantissa}e{exponent[0]}{int(exponent[1:]):03d}"

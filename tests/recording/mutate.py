@@ -1,7 +1,7 @@
-"""Damage as files meet it: bytes that flip, vanish or double, lines that are lost, doubled, cut or change places.
+"""Typical damage to files: changed, lost and surplus bytes, and lost, repeated, truncated and swapped lines.
 
-Each kind of damage knows how many numbers it can change without anybody being able to tell: one, where a single byte
-inside a number became another digit; none, where cells or lines moved.
+Each kind of damage returns how many numbers it may have changed undetectably: one if a byte inside a number may have
+become another digit, none if cells or lines moved.
 """
 
 import random
@@ -14,115 +14,116 @@ _SEPARATORS = b",;\t \n\r"
 
 
 def damaged(seed: int, data: bytes) -> tuple[bytes, int, list[str]]:
-    """A file with one to three kinds of damage, how many numbers may have changed unseen, and what was done."""
-    dice = random.Random(seed)  # noqa: S311
-    unseen, done = 0, []
-    for _ in range(dice.choice((1, 1, 1, 2, 3))):
+    """Return a file with one to three kinds of damage, the number of undetectable changes, and the kinds."""
+    rng = random.Random(seed)  # noqa: S311
+    undetectable, applied = 0, []
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
         if not data:
             break
-        name = dice.choice(sorted(KINDS))
-        data, more = KINDS[name](dice, data)
-        unseen += more
-        done.append(name)
-    return data, unseen, done
+        name = rng.choice(sorted(KINDS))
+        data, changes = KINDS[name](rng, data)
+        undetectable += changes
+        applied.append(name)
+    return data, undetectable, applied
 
 
-def _byte(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """One byte becomes another."""
-    place = dice.randrange(len(data))
-    return data[:place] + bytes([dice.randrange(256)]) + data[place + 1 :], 1
+def _byte(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Replace a byte by another."""
+    position = rng.randrange(len(data))
+    return data[:position] + bytes([rng.randrange(256)]) + data[position + 1 :], 1
 
 
-def _bit(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """One bit flips."""
-    place = dice.randrange(len(data))
-    return data[:place] + bytes([data[place] ^ (1 << dice.randrange(8))]) + data[place + 1 :], 1
+def _bit(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Flip a bit."""
+    position = rng.randrange(len(data))
+    return data[:position] + bytes([data[position] ^ (1 << rng.randrange(8))]) + data[position + 1 :], 1
 
 
-def _digit(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """A byte becomes one that numbers are written with."""
-    place = dice.randrange(len(data))
-    return data[:place] + bytes([dice.choice(_INSIDE)]) + data[place + 1 :], 1
+def _digit(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Replace a byte by a character of numbers."""
+    position = rng.randrange(len(data))
+    return data[:position] + bytes([rng.choice(_INSIDE)]) + data[position + 1 :], 1
 
 
-def _separator(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """A separator becomes another one, or is lost; a comma may have been one of decimals."""
+def _separator(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Replace or remove a separator; a comma may be a decimal comma."""
     places = [n for n, byte in enumerate(data) if byte in _SEPARATORS]
     if not places:
         return data, 0
-    place = dice.choice(places)
-    other = bytes([dice.choice(_SEPARATORS)]) if dice.random() < 0.7 else b""
-    return data[:place] + other + data[place + 1 :], int(data[place : place + 1] == b",")
+    position = rng.choice(places)
+    other = bytes([rng.choice(_SEPARATORS)]) if rng.random() < 0.7 else b""
+    return data[:position] + other + data[position + 1 :], int(data[position : position + 1] == b",")
 
 
-def _lost(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """One byte is lost."""
-    place = dice.randrange(len(data))
-    return data[:place] + data[place + 1 :], 1
+def _lost(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Remove a byte."""
+    position = rng.randrange(len(data))
+    return data[:position] + data[position + 1 :], 1
 
 
-def _added(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """A byte too many."""
-    place = dice.randrange(len(data) + 1)
-    byte = dice.choice(_INSIDE) if dice.random() < 0.5 else dice.randrange(256)
-    return data[:place] + bytes([byte]) + data[place:], 1
+def _added(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Insert a byte."""
+    position = rng.randrange(len(data) + 1)
+    byte = rng.choice(_INSIDE) if rng.random() < 0.5 else rng.randrange(256)
+    return data[:position] + bytes([byte]) + data[position:], 1
 
 
-def _part_lost(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """Up to sixty bytes are lost: within a number its digits, else cells, or the end of a line and the next one's
-    beginning. The line that is left may then be whole, its first numbers of the one, its last of the other.
+def _part_lost(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Remove up to sixty bytes: digits, cells, or the end of a line and the beginning of the next.
+
+    In the last case, the remaining line may be complete, with numbers of both.
     """
-    place, count = dice.randrange(len(data)), dice.randrange(2, 60)
-    return data[:place] + data[place + count :], _columns(data[place : place + count])
+    position, count = rng.randrange(len(data)), rng.randrange(2, 60)
+    return data[:position] + data[position + count :], _columns(data[position : position + count])
 
 
-def _part_doubled(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """Up to sixty bytes stand there twice; of lines the same may come as where a part is lost."""
-    place, count = dice.randrange(len(data)), dice.randrange(2, 60)
-    return data[: place + count] + data[place:], _columns(data[place : place + count])
+def _part_doubled(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Repeat up to sixty bytes; lines may be joined as by `_part_lost`."""
+    position, count = rng.randrange(len(data)), rng.randrange(2, 60)
+    return data[: position + count] + data[position:], _columns(data[position : position + count])
 
 
 def _columns(part: bytes) -> int:
     return 1 if b"\n" not in part else 5
 
 
-def _truncated(dice: random.Random, data: bytes) -> tuple[bytes, int]:
-    """The end of the file is lost."""
-    return data[: dice.randrange(len(data))], 0
+def _truncated(rng: random.Random, data: bytes) -> tuple[bytes, int]:
+    """Truncate the file."""
+    return data[: rng.randrange(len(data))], 0
 
 
-def _of_lines(change: Callable[[random.Random, list[bytes]], None], unseen: int = 0) -> Damage:
-    def damage(dice: random.Random, data: bytes) -> tuple[bytes, int]:
+def _of_lines(change: Callable[[random.Random, list[bytes]], None], undetectable: int = 0) -> Damage:
+    def damage(rng: random.Random, data: bytes) -> tuple[bytes, int]:
         lines = data.splitlines(keepends=True)
-        change(dice, lines)
-        return b"".join(lines), unseen
+        change(rng, lines)
+        return b"".join(lines), undetectable
 
     return damage
 
 
-def _line_lost(dice: random.Random, lines: list[bytes]) -> None:
-    lines.pop(dice.randrange(len(lines)))
+def _line_lost(rng: random.Random, lines: list[bytes]) -> None:
+    lines.pop(rng.randrange(len(lines)))
 
 
-def _line_doubled(dice: random.Random, lines: list[bytes]) -> None:
-    place = dice.randrange(len(lines))
-    lines.insert(place, lines[place])
+def _line_doubled(rng: random.Random, lines: list[bytes]) -> None:
+    position = rng.randrange(len(lines))
+    lines.insert(position, lines[position])
 
 
-def _lines_swapped(dice: random.Random, lines: list[bytes]) -> None:
-    one, two = (dice.randrange(len(lines)) for _ in range(2))
-    lines[one], lines[two] = lines[two], lines[one]
+def _lines_swapped(rng: random.Random, lines: list[bytes]) -> None:
+    first, second = (rng.randrange(len(lines)) for _ in range(2))
+    lines[first], lines[second] = lines[second], lines[first]
 
 
-def _line_cut(dice: random.Random, lines: list[bytes]) -> None:
-    place = dice.randrange(len(lines))
-    whole = lines[place].rstrip(b"\r\n")
-    lines[place] = whole[: dice.randrange(len(whole) + 1)] + lines[place][len(whole) :]
+def _line_cut(rng: random.Random, lines: list[bytes]) -> None:
+    position = rng.randrange(len(lines))
+    content = lines[position].rstrip(b"\r\n")
+    lines[position] = content[: rng.randrange(len(content) + 1)] + lines[position][len(content) :]
 
 
-def _line_emptied(dice: random.Random, lines: list[bytes]) -> None:
-    place = dice.randrange(len(lines))
-    lines[place] = lines[place][len(lines[place].rstrip(b"\r\n")) :]
+def _line_emptied(rng: random.Random, lines: list[bytes]) -> None:
+    position = rng.randrange(len(lines))
+    lines[position] = lines[position][len(lines[position].rstrip(b"\r\n")) :]
 
 
 KINDS: dict[str, Damage] = {

@@ -1,6 +1,6 @@
-"""An .xls of some sheets, written from Microsoft's [MS-XLS] and [MS-CFB]: records of BIFF8 in a compound file.
+"""Writer of .xls files, from Microsoft's [MS-XLS] and [MS-CFB]: BIFF8 records in a compound file.
 
-A cell is a text, a number, True or False, a formula's stored result or a number that is shown in a format of its own.
+A cell is a string, a number, a Boolean, the stored result of a formula, or a number with a format.
 """
 
 import struct
@@ -11,12 +11,12 @@ SECTOR = 512
 FREE, END, FAT = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD
 GENERAL, PERCENT, DATE = 0, 1, 2
 FORMATS = {GENERAL: 0, PERCENT: 10, DATE: 14}
-"""Built-in number formats of the kinds of cells: General, 0.00 %, a date."""
+"""Built-in number formats of the kinds of cells: General, 0.00 % and a date."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A number in a format: its value, the kind of cell, and whether a formula gave it."""
+    """A number in a format: its value, the kind of cell, and whether it is the result of a formula."""
 
     value: float
     kind: int = GENERAL
@@ -34,7 +34,9 @@ def xls(sheets: Mapping[str, Sequence[Sequence[Cell]]]) -> bytes:
     bodies = [_sheet(rows) for rows in sheets.values()]
     head = record(0x0809, struct.pack("<HHHHII", 0x0600, 0x0005, 0, 0, 0, 0)) + record(0x0042, struct.pack("<H", 1200))
     head += record(0x0031, struct.pack("<HHHHHBBBB", 200, 0, 0x7FFF, 400, 0, 0, 0, 0, 0) + _text("Arial", "<B")) * 5
-    head += b"".join(record(0x00E0, struct.pack("<HHH", 0, one, 0) + bytes(14)) for one in FORMATS.values())
+    head += b"".join(
+        record(0x00E0, struct.pack("<HHH", 0, number_format, 0) + bytes(14)) for number_format in FORMATS.values()
+    )
     size = len(head) + sum(len(record(0x0085, bytes(6) + _text(name, "<B"))) for name in sheets) + 4
     for name, body in zip(sheets, bodies, strict=True):
         head += record(0x0085, struct.pack("<IH", size, 0) + _text(name, "<B"))
@@ -56,13 +58,13 @@ def _cell(row: int, column: int, cell: Cell) -> bytes:
         return record(0x0204, struct.pack("<HHH", row, column, 0) + _text(cell, "<H"))
     if isinstance(cell, bool):
         return record(0x0205, struct.pack("<HHHBB", row, column, 0, cell, 0))
-    one = cell if isinstance(cell, Shown) else Shown(float(cell or 0.0))
-    place = struct.pack("<HHHd", row, column, one.kind, one.value)
-    return record(0x0006, place + struct.pack("<HIH", 0, 0, 0)) if one.formula else record(0x0203, place)
+    number = cell if isinstance(cell, Shown) else Shown(float(cell or 0.0))
+    content = struct.pack("<HHHd", row, column, number.kind, number.value)
+    return record(0x0006, content + struct.pack("<HIH", 0, 0, 0)) if number.formula else record(0x0203, content)
 
 
 def _compound(stream: bytes) -> bytes:
-    """A compound file with one stream: header, the table of sectors, the directory, the stream."""
+    """Return a compound file with one stream: header, sector table, directory, stream."""
     stream = stream.ljust(max(4096, -(-len(stream) // SECTOR) * SECTOR), b"\0")
     count = len(stream) // SECTOR
     chain = [FAT, END, *range(3, 2 + count), END]

@@ -1,9 +1,9 @@
-"""Files of further programs, laid out as readers that others published describe them; all numbers are computed.
+"""Files in the form of further programs, as described by published readers, with computed numbers.
 
 Jasco: WrightTools (from_JASCO) and JASCOFiles.jl. PerkinElmer .asc: hyperSpec and Bev.IO.PerkinElmerAsciiReader.
-Thorlabs: pyIVLS, which writes files in ThorSpectra's likeness. Avantes: lightr and the converters of AvaSoft's text.
-MTS TestSuite: readers of its "DAQ- Crosshead, … - (Timed)" files, in CSV and text. Lloyd's NEXYGEN: its columns alone.
-MTS 793: readers of files whose first line is ``MTS793|MPT|ENU|...``. Trapezium: snpl. Bluehill: its raw data.
+Thorlabs: pyIVLS, which imitates files of ThorSpectra. Avantes: lightr and converters of AvaSoft text. MTS TestSuite:
+readers of its "DAQ- Crosshead, … - (Timed)" files, CSV and text. Lloyd NEXYGEN: its columns only. MTS 793: readers of
+files that begin with ``MTS793|MPT|ENU|...``. Trapezium: snpl. Bluehill: its raw data.
 """
 
 import math
@@ -16,7 +16,7 @@ FORCE = [round(1.3 * x - 0.01 * x * x, 4) for x in TRAVEL]
 
 
 def jasco(separator: str = "\t", mark: str = ".") -> str:
-    stated = {
+    entries = {
         "TITLE": "film 1",
         "DATA TYPE": "ULTRAVIOLET SPECTRUM",
         "ORIGIN": "JASCO",
@@ -34,7 +34,7 @@ def jasco(separator: str = "\t", mark: str = ".") -> str:
         "MAXY": f"{max(PERCENT):.3f}",
         "MINY": f"{min(PERCENT):.3f}",
     }
-    head = [f"{key}{separator}{value}" for key, value in stated.items()]
+    head = [f"{key}{separator}{value}" for key, value in entries.items()]
     rows = [f"{wave:.4f}{separator}{value:.3f}" for wave, value in zip(WAVES, PERCENT, strict=True)]
     numbers = [line.replace(".", mark) for line in rows]
     head = [line.replace(".", mark) if line.startswith(("FIRST", "LAST", "MAX", "MIN")) else line for line in head]
@@ -51,8 +51,8 @@ def perkin_elmer() -> str:
 
 
 def thorlabs() -> str:
-    stated = {"Date": "20260301", "XAxisUnit": "nm_vac", "YAxisUnit": "dBm", "Average": "1", "Length": len(WAVES)}
-    head = ["Thorlabs OSA", "#[SpectrumHeader]", *(f"#{key};{value}" for key, value in stated.items()), "[Data]"]
+    entries = {"Date": "20260301", "XAxisUnit": "nm_vac", "YAxisUnit": "dBm", "Average": "1", "Length": len(WAVES)}
+    head = ["Thorlabs OSA", "#[SpectrumHeader]", *(f"#{key};{value}" for key, value in entries.items()), "[Data]"]
     return "\r\n".join([*head, *(f"{w:.6f};{-t:.6f}" for w, t in zip(WAVES, PERCENT, strict=True)), "[EndOfFile]", ""])
 
 
@@ -68,7 +68,7 @@ def avantes(mark: str = ".") -> str:
 
 def _columns(order: str, separator: str, first: int = 0) -> list[str]:
     columns = {"t": TIME, "x": TRAVEL, "F": FORCE}
-    return [separator.join(f"{columns[one][n]}" for one in order) for n in range(first, len(TIME))]
+    return [separator.join(f"{columns[letter][n]}" for letter in order) for n in range(first, len(TIME))]
 
 
 def mts(blocks: int = 1) -> str:
@@ -120,10 +120,10 @@ def mts_testsuite(separator: str = ",", quote: str = '"') -> str:
         "Test": "Tensile (Simplified)",
         "Test Run": "Test Run 1 3-1-26 10 22 33 AM",
     }
-    stated = [f"{quote}{key}: {value}{quote}" for key, value in (above | {"Date": "3/1/2026 10:22:33 AM"}).items()]
+    entries = [f"{quote}{key}: {value}{quote}" for key, value in (above | {"Date": "3/1/2026 10:22:33 AM"}).items()]
     rows = [("Crosshead ", "Load ", "Time "), ("mm", "N", "sec"), *zip(TRAVEL, FORCE, TIME, strict=True)]
     lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
-    return "\r\n".join([*stated, "", *[""] * (separator == ","), *lines, ""])
+    return "\r\n".join([*entries, "", *[""] * (separator == ","), *lines, ""])
 
 
 def nexygen(separator: str = ",") -> str:

@@ -1,4 +1,4 @@
-"""Files of arrays: MATLAB, TDMS, HDF5 and netCDF give the recording that the same table as CSV gives."""
+"""Files of arrays (MATLAB, TDMS, HDF5, netCDF) give the same recording as a CSV of the same numbers."""
 
 import sys
 from collections.abc import Callable
@@ -41,15 +41,15 @@ def write_netcdf4(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file.attrs["operator"] = "nobody"
         file.attrs["simulated"] = "yes"
-        stamps = file.create_dataset("time", data=1e3 * TIME)
-        stamps.attrs["units"] = "milliseconds since 2026-01-01"
-        stamps.make_scale("time")
+        time = file.create_dataset("time", data=1e3 * TIME)
+        time.attrs["units"] = "milliseconds since 2026-01-01"
+        time.make_scale("time")
         file.create_dataset("angle", data=np.radians(ANGLE)).attrs["units"] = "rad"
         names = file.create_dataset("receiver", data=np.array([b"left", b"right"], dtype="S5"))
         names.make_scale("receiver")
         volts = file.create_dataset("voltage", data=np.column_stack([LEFT, RIGHT]))
         volts.attrs["units"] = "V"
-        volts.dims[0].attach_scale(stamps)
+        volts.dims[0].attach_scale(time)
         volts.dims[1].attach_scale(names)
 
 
@@ -74,8 +74,8 @@ def write_tdms(path: Path) -> None:
         writer.write_segment([RootObject({"operator": "nobody"}), *channels])
 
 
-def values(found: Recording, name: str, unit: str) -> Any:
-    return found.need(name).to(unit)
+def values(recording: Recording, name: str, unit: str) -> Any:
+    return recording.need(name).to(unit)
 
 
 @pytest.mark.parametrize(
@@ -89,28 +89,26 @@ def values(found: Recording, name: str, unit: str) -> Any:
     ],
 )
 def test_arrays_become_channels(tmp_path: Path, write: Callable[[Path], None], kind: str, left: str) -> None:
-    path = tmp_path / "recording.bin"  # the name does not tell
+    path = tmp_path / "recording.bin"  # the format is not in the name
     write(path)
-    found = read(path)
-    assert found.provenance.format == kind
-    assert found.provenance.metadata["operator"] == "nobody"
-    assert found.provenance.simulated is (kind == "hdf5")
-    assert values(found, "time", "s") == pytest.approx(TIME, abs=1e-12)
-    assert values(found, "angle", "deg") == pytest.approx(ANGLE, abs=1e-12)
-    assert found.need(left).values == pytest.approx(LEFT)
+    recording = read(path)
+    assert recording.provenance.format == kind
+    assert recording.provenance.metadata["operator"] == "nobody"
+    assert recording.provenance.simulated is (kind == "hdf5")
+    assert values(recording, "time", "s") == pytest.approx(TIME, abs=1e-12)
+    assert values(recording, "angle", "deg") == pytest.approx(ANGLE, abs=1e-12)
+    assert recording.need(left).values == pytest.approx(LEFT)
 
 
-def test_what_has_another_length_is_named(tmp_path: Path) -> None:
+def test_names_omitted_arrays_of_another_length(tmp_path: Path) -> None:
     path = tmp_path / "one.mat"
     write_matlab(path)
-    found = read(path)
-    assert found.provenance.metadata["fs"] == "200"
-    assert any("different length are omitted: short" in warning for warning in found.warnings)
+    recording = read(path)
+    assert recording.provenance.metadata["fs"] == "200"
+    assert any("different length are omitted: short" in warning for warning in recording.warnings)
 
 
-def test_a_tdms_file_that_was_cut_is_refused_and_prints_nothing(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_rejects_truncated_tdms_without_printing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "cut.tdms"
     write_tdms(path)
     path.write_bytes(path.read_bytes()[:-800])
@@ -119,7 +117,7 @@ def test_a_tdms_file_that_was_cut_is_refused_and_prints_nothing(
     assert capfd.readouterr().err == ""
 
 
-def test_matlab_of_version_4(tmp_path: Path) -> None:
+def test_matlab_version_4(tmp_path: Path) -> None:
     path = tmp_path / "old.mat"
     savemat(path, {"time": TIME, "left": LEFT}, format="4")
     assert read(path).need("left").values == pytest.approx(LEFT)
@@ -129,63 +127,67 @@ def test_matlab_of_version_4(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [write_matlab, write_matlab73, write_netcdf4, write_netcdf3, write_tdms])
-def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, write: Callable[[Path], None]) -> None:
+def test_rejects_damaged_file_in_one_line(tmp_path: Path, write: Callable[[Path], None]) -> None:
     path = tmp_path / "damaged"
     write(path)
     data = path.read_bytes()
-    draw = np.random.default_rng(5)
+    rng = np.random.default_rng(5)
     for length in (600, len(data) // 2):
         path.write_bytes(data[:length])
         try:
-            found = read(path)
+            recording = read(path)
         except DataError as bad:
             assert "\n" not in str(bad)  # noqa: PT017
-        else:  # what is still whole may be read, but not as if nothing were missing
-            assert len(found.channels[0].values) < TIME.size or found.warnings
+        else:  # intact parts may be read, but not as if they were complete
+            assert len(recording.channels[0].values) < TIME.size or recording.warnings
     for _ in range(20):
         noisy = bytearray(data)
-        for place in draw.integers(8, len(data), 30):
-            noisy[place] ^= 0xFF
+        for position in rng.integers(8, len(data), 30):
+            noisy[position] ^= 0xFF
         path.write_bytes(noisy)
         try:
             read(path)
         except DataError as bad:
-            assert "\n" not in str(bad)  # noqa: PT017  damage in a number is still a number
+            assert "\n" not in str(bad)  # noqa: PT017  a damaged number may be a valid one
 
 
 @pytest.mark.parametrize(("write", "module"), [(write_netcdf4, "h5py"), (write_tdms, "nptdms")])
-def test_without_the_extra_a_line_says_what_to_install(
+def test_missing_extra_names_install_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None], module: str
 ) -> None:
     path = tmp_path / "one"
     write(path)
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(DataError) as refused:
+    with pytest.raises(DataError) as error:
         read(path)
-    assert PACKAGES[module].command in str(refused.value)
+    assert PACKAGES[module].command in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("word", "unit"), [("Volts", "V"), ("millivolts", "mV"), ("Degrees", "deg"), ("Seconds", "s"), ("Radian", "rad")]
 )
-def test_units_in_words_are_units(tmp_path: Path, word: str, unit: str) -> None:
+def test_units_in_words(tmp_path: Path, word: str, unit: str) -> None:
     with TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment([ChannelObject("run", "some", LEFT, properties={"unit_string": word})])
     assert read(tmp_path / "a.tdms").channels[0].unit == unit
 
 
-def test_columns_of_a_matrix_are_named_by_the_caller(tmp_path: Path) -> None:
+def test_column_names_of_matrix(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     savemat(path, {"data": np.column_stack([TIME, LEFT, RIGHT]).T, "fs": 200.0, "other": np.zeros((5, 2))})
-    found = read(path, columns=("time_s", "left_mV", "right_mV"))
-    assert [(one.name, one.unit) for one in found.channels] == [("time", "s"), ("left", "mV"), ("right", "mV")]
-    assert found.channels[1].values.tolist() == LEFT.tolist()
+    recording = read(path, columns=("time_s", "left_mV", "right_mV"))
+    assert [(channel.name, channel.unit) for channel in recording.channels] == [
+        ("time", "s"),
+        ("left", "mV"),
+        ("right", "mV"),
+    ]
+    assert recording.channels[1].values.tolist() == LEFT.tolist()
     with pytest.raises(DataError, match=r"no matrices of 4 columns; it contains data 3 by 400"):
         read(path, columns=("a", "b", "c", "d"))
 
 
 @pytest.mark.parametrize("junk", [b"\xff\xfa\x81 noise", b"a\x01b\n"])
-def test_junk_of_a_format_s_name_is_named_by_it(tmp_path: Path, junk: bytes) -> None:
+def test_error_for_junk_names_format_of_extension(tmp_path: Path, junk: bytes) -> None:
     (tmp_path / "run.nc").write_bytes(junk)
     with pytest.raises(DataError, match=r"run\.nc; is neither a netCDF file nor text"):
         read(tmp_path / "run.nc")

@@ -1,4 +1,4 @@
-"""Cary exports: every trace with its own wavelengths, whatever Excel made of the file, and damage refused."""
+"""Cary exports: each trace with its own wavelengths, also if Excel saved the file again, and damage rejected."""
 
 from pathlib import Path
 
@@ -19,34 +19,38 @@ def saved(folder: Path, text: str, encoding: str = "utf-8") -> Path:
 
 
 def numbers(recording: Recording) -> dict[str, tuple[list[float], list[float]]]:
-    """Wavelengths and values of each trace by its name."""
+    """Return wavelengths and values of each trace, keyed by name."""
     return {
-        one.name: (recording.channel(one.axis).values.tolist(), one.values.tolist())
-        for one in recording.channels
-        if one.axis
+        channel.name: (recording.channel(channel.axis).values.tolist(), channel.values.tolist())
+        for channel in recording.channels
+        if channel.axis
     }
 
 
-def test_traces_of_one_name_and_of_several_modes_and_lengths(tmp_path: Path) -> None:
+def test_traces_with_same_name_and_various_modes_and_lengths(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary(THREE)))
-    traces = [one for one in recording.channels if one.axis]
-    assert [(one.name, one.quantity, one.unit, one.values.size) for one in traces] == [
+    traces = [channel for channel in recording.channels if channel.axis]
+    assert [(channel.name, channel.quantity, channel.unit, channel.values.size) for channel in traces] == [
         ("film 1", "transmittance", "%", 40),
         ("film 1 (2)", "reflectance", "%", 37),
         ("dye", "absorbance", "1", 40),
     ]
-    assert [recording.channel(one.axis).values.size for one in traces] == [40, 37, 40]
+    assert [recording.channel(channel.axis).values.size for channel in traces] == [40, 37, 40]
     assert recording.channel(traces[0].axis).unit == "nm"
-    assert recording.channel(traces[0].axis).values[:2].tolist() == [900.0, 895.0]  # as recorded: downwards
+    assert recording.channel(traces[0].axis).values[:2].tolist() == [900.0, 895.0]  # in the recorded, descending order
     assert traces[2].axis == traces[0].axis != traces[1].axis
 
 
-def test_what_the_log_says(tmp_path: Path) -> None:
+def test_reads_log(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary(THREE)))
-    told = recording.provenance
-    assert (told.format, told.instrument, told.date) == ("agilent-cary-csv", "Cary 5000", "2021-03-17T13:45:42")
-    assert told.metadata["UV-Vis SBW (nm)"] == "2.000"
-    assert "Y Mode" not in told.metadata
+    provenance = recording.provenance
+    assert (provenance.format, provenance.instrument, provenance.date) == (
+        "agilent-cary-csv",
+        "Cary 5000",
+        "2021-03-17T13:45:42",
+    )
+    assert provenance.metadata["UV-Vis SBW (nm)"] == "2.000"
+    assert "Y Mode" not in provenance.metadata
     assert [recording.channel(name).metadata["Y Mode"] for name in ("film 1", "film 1 (2)", "dye")] == [
         "%T",
         "%R",
@@ -56,7 +60,7 @@ def test_what_the_log_says(tmp_path: Path) -> None:
 
 
 def resaved(text: str, separator: str = ",", mark: str = ".") -> str:
-    """What Excel writes after opening the export: all rows as long as the longest, perhaps in a German way."""
+    """Return the export as Excel saves it again: rows of equal length, optionally with German separators."""
     rows = [line.split(",") for line in text.split("\r\n")[:-1]]
     width = max(map(len, rows))
     cells = [[cell.replace(".", mark) for cell in row + [""] * (width - len(row))] for row in rows]
@@ -76,7 +80,7 @@ def resaved(text: str, separator: str = ",", mark: str = ".") -> str:
     ],
     ids=["lf", "doubled", "excel", "german excel", "tabs", "no last comma", "quoted"],
 )
-def test_other_programs_save_the_same_numbers(tmp_path: Path, variant: object) -> None:
+def test_same_numbers_if_saved_by_other_programs(tmp_path: Path, variant: object) -> None:
     assert callable(variant)
     plain = numbers(read(saved(tmp_path, cary([("a", "%T", 0), ("dye", "Abs", 0), ("a", "%R", 0)]))))
     other = numbers(read(saved(tmp_path, variant(cary([("a", "%T", 0), ("dye", "Abs", 0), ("a", "%R", 0)])))))
@@ -88,10 +92,10 @@ def test_other_programs_save_the_same_numbers(tmp_path: Path, variant: object) -
 def test_other_encodings(tmp_path: Path, encoding: str) -> None:
     text = cary([("Öl", "%T", 0), ("b", "%T", 0)])
     recording = read(saved(tmp_path, text, encoding))
-    assert [one.name for one in recording.channels if one.axis] == ["Öl", "b"]
+    assert [channel.name for channel in recording.channels if channel.axis] == ["Öl", "b"]
 
 
-def test_negative_saturated_and_empty_values_are_kept_and_reported(tmp_path: Path) -> None:
+def test_keeps_and_reports_negative_saturated_and_empty_values(tmp_path: Path) -> None:
     text = cary([("dark", "%T", 0), ("dense", "Abs", 0)], value=2.0)
     lines = text.split("\r\n")
     lines[4] = "890,-0.0012,890,10.000,"
@@ -106,7 +110,7 @@ def test_negative_saturated_and_empty_values_are_kept_and_reported(tmp_path: Pat
     assert "2 values are at" in dense.note
 
 
-def test_excel_leaves_out_separators_where_the_last_traces_have_ended(tmp_path: Path) -> None:
+def test_rows_without_separators_of_ended_traces(tmp_path: Path) -> None:
     text = cary([("a", "%T", 0), ("b", "%T", 4)], log=False)
     trimmed = "\r\n".join(line.rstrip(",") if line.endswith(",,,") else line for line in text.split("\r\n"))
     assert trimmed != text
@@ -116,49 +120,49 @@ def test_excel_leaves_out_separators_where_the_last_traces_have_ended(tmp_path: 
 DAMAGE = {
     "letter in a number": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "9l.")), "line 10, column 2"),
     "decimals after a comma": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "91,")), "line 10"),
-    "a cell lost": (lambda lines: lines.__setitem__(9, lines[9].split(",", 1)[1]), "line 10"),
-    "a cell too many": (lambda lines: lines.__setitem__(9, "1," + lines[9]), "line 10"),
-    "a line twice": (lambda lines: lines.insert(9, lines[9]), "line 11, column 1"),
-    "a line lost": (lambda lines: lines.pop(9), "line 10, column 1"),
-    "lines changed about": (lambda lines: lines.insert(9, lines.pop(12)), "line 11, column 1"),
+    "a lost cell": (lambda lines: lines.__setitem__(9, lines[9].split(",", 1)[1]), "line 10"),
+    "a surplus cell": (lambda lines: lines.__setitem__(9, "1," + lines[9]), "line 10"),
+    "a repeated line": (lambda lines: lines.insert(9, lines[9]), "line 11, column 1"),
+    "a lost line": (lambda lines: lines.pop(9), "line 10, column 1"),
+    "lines swapped": (lambda lines: lines.insert(9, lines.pop(12)), "line 11, column 1"),
     "a wavelength off its step": (lambda lines: lines.__setitem__(9, lines[9].replace("865,", "863,", 1)), "line 10"),
     "a wavelength unlike the others": (
         lambda lines: lines.__setitem__(2, lines[2].replace("900,", "899,", 1)),
         "line 3",
     ),
-    "a lost point": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "91")), "line 10, column 2"),
-    "a value beyond any": (lambda lines: lines.__setitem__(9, "865,5e6" + lines[9][12:]), "line 10, column 2"),
+    "a lost decimal point": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "91")), "line 10, column 2"),
+    "an impossible value": (lambda lines: lines.__setitem__(9, "865,5e6" + lines[9][12:]), "line 10, column 2"),
     "a leading zero": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "01.")), "line 10, column 2"),
     "a line cut in the middle": (lambda lines: lines.__setitem__(9, lines[9][:11]), "line 10"),
     "a line cut in two": (lambda lines: lines.__setitem__(9, lines[9][:11] + "\r\n" + lines[9][11:]), "line 10"),
-    "two lines made one": (lambda lines: lines.__setitem__(9, lines[9] + lines.pop(10)), "line 10"),
+    "two lines joined": (lambda lines: lines.__setitem__(9, lines[9] + lines.pop(10)), "line 10"),
     "another separator": (lambda lines: lines.__setitem__(9, lines[9].replace(",", ";")), "line 10"),
     "an empty line inside": (lambda lines: lines.insert(9, ""), "line 11"),
-    "a remark inside": (lambda lines: lines.__setitem__(9, "#" + lines[9]), "line 10"),
-    "a name lost": (lambda lines: lines.__setitem__(0, lines[0].replace("b,", ",", 1)), "line 1, column 3"),
-    "names shifted": (lambda lines: lines.__setitem__(0, lines[0].replace(",,", ",", 1)), "line 1"),
-    "a header's word": (lambda lines: lines.__setitem__(1, lines[1].replace("Wavelength", "Wavelenth", 1)), "line 2"),
+    "a comment inside": (lambda lines: lines.__setitem__(9, "#" + lines[9]), "line 10"),
+    "a lost name": (lambda lines: lines.__setitem__(0, lines[0].replace("b,", ",", 1)), "line 1, column 3"),
+    "shifted names": (lambda lines: lines.__setitem__(0, lines[0].replace(",,", ",", 1)), "line 1"),
+    "a damaged header": (lambda lines: lines.__setitem__(1, lines[1].replace("Wavelength", "Wavelenth", 1)), "line 2"),
     "a control character": (lambda lines: lines.__setitem__(9, lines[9].replace("9", "\x07", 1)), "line 10"),
 }
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_damage_is_refused_with_its_place(tmp_path: Path, damage: str) -> None:
+def test_rejects_damage_with_location(tmp_path: Path, damage: str) -> None:
     lines = cary([("a", "%T", 0), ("b", "%T", 0), ("c", "%T", 2)]).split("\r\n")
-    change, place = DAMAGE[damage]
+    change, location = DAMAGE[damage]
     change(lines)  # type: ignore[no-untyped-call]
-    with pytest.raises(DataError, match=rf"{place}\b"):
+    with pytest.raises(DataError, match=rf"{location}\b"):
         read(saved(tmp_path, "\r\n".join(lines)))
 
 
 @pytest.mark.parametrize("cut", [1, 5, 12, 14])
-def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, cut: int) -> None:
+def test_rejects_truncated_file(tmp_path: Path, cut: int) -> None:
     text = cary([("a", "%T", 0), ("b", "%T", 0)], log=False)
     with pytest.raises(DataError, match="line 42"):
         read(saved(tmp_path, text.removesuffix("\r\n")[:-cut]))
 
 
-def test_a_scan_in_two_intervals_is_no_damage(tmp_path: Path) -> None:
+def test_accepts_scan_with_two_intervals(tmp_path: Path) -> None:
     waves = [*range(900, 800, -5), *range(800, 700, -1)]
     rows = [f"{wave},{90 + 1e-3 * wave:.8g}," for wave in waves]
     text = "\r\n".join(["film,", "Wavelength (nm),%T,", *rows, ""])
@@ -166,35 +170,35 @@ def test_a_scan_in_two_intervals_is_no_damage(tmp_path: Path) -> None:
     assert recording.channel("film").values.size == len(waves)
 
 
-def test_a_drive_that_is_not_exact_is_no_damage(tmp_path: Path) -> None:
-    random = np.random.default_rng(7)
-    waves = 900.0 - np.arange(200) + random.uniform(-0.02, 0.02, 200)
+def test_accepts_inexact_wavelength_drive(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    waves = 900.0 - np.arange(200) + rng.uniform(-0.02, 0.02, 200)
     rows = [f"{wave:.10g},{90 + 1e-3 * wave:.8g}," for wave in waves]
     recording = read(saved(tmp_path, "\r\n".join(["film,", "Wavelength (nm),%T,", *rows, ""])))
     assert recording.channel("film").values.size == 200
 
 
-def test_what_excel_saved_again_keeps_its_log(tmp_path: Path) -> None:
+def test_log_is_kept_if_excel_saved_file_again(tmp_path: Path) -> None:
     for text in (resaved(cary(THREE)), resaved(cary(THREE), ";", ",")):
         recording = read(saved(tmp_path, text))
         assert recording.provenance.instrument == "Cary 5000"
         assert recording.provenance.metadata["<SBW (nm)>"].replace(",", ".") == "2.00"
 
 
-def test_a_trace_without_points_is_kept(tmp_path: Path) -> None:
+def test_keeps_trace_without_points(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary([("a", "%T", 0), ("never scanned", "%T", 40)], log=False)))
     empty = recording.channel("never scanned")
     assert (empty.values.size, recording.channel(empty.axis).values.size) == (0, 0)
     assert "contains no points" in empty.note
 
 
-def test_a_mode_that_is_not_known_keeps_its_numbers_without_a_unit(tmp_path: Path) -> None:
+def test_unknown_mode_has_no_unit(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary([("a", "F(R)", 0), ("b", "%T", 0)])))
     assert (recording.channel("a").quantity, recording.channel("a").unit) == ("", "")
     assert "F(R)" in recording.channel("a").note
 
 
-def test_a_last_line_without_its_break_is_read_where_it_is_whole(tmp_path: Path) -> None:
+def test_reads_complete_last_line_without_line_break(tmp_path: Path) -> None:
     text = "a,,b,\r\n" + "Wavelength (nm),%T,Wavelength (nm),%T\r\n"
     text += "\r\n".join(f"{900 - 5 * row},{90 + row / 8:.3f},{900 - 5 * row},{80 + row / 8:.3f}" for row in range(9))
     recording = read(saved(tmp_path, text))

@@ -1,4 +1,4 @@
-"""Headers that tables of cured discs and of guides have, and tables that say they are simulated."""
+"""Headers of tables of cured discs and of guides, and the mark of simulated tables."""
 
 from pathlib import Path
 
@@ -30,19 +30,19 @@ def test_headers_of_exposures_and_signals(tmp_path: Path, header: str, name: str
     assert (channel.name, channel.quantity, channel.unit) == (name, quantity, unit)
 
 
-def test_an_exposure_without_a_unit_is_neither(tmp_path: Path) -> None:
+def test_exposure_without_unit_is_ambiguous(tmp_path: Path) -> None:
     channel = read(saved(tmp_path, "exposure,thickness_um\n1,20\n2,30\n")).channels[0]
     assert (channel.name, channel.quantity, channel.unit) == ("exposure", "", "")
 
 
 @pytest.mark.parametrize("name", ["guide", "piece", "part", "disc"])
-def test_numbers_that_name_a_guide_are_words_too(tmp_path: Path, name: str) -> None:
-    found = read(saved(tmp_path, f"length_mm,power_mW,{name}\n10,1,7\n20,0.5,8\n"))
-    assert found.label(name) == ("7", "8")
+def test_numbers_of_guides_are_labels(tmp_path: Path, name: str) -> None:
+    recording = read(saved(tmp_path, f"length_mm,power_mW,{name}\n10,1,7\n20,0.5,8\n"))
+    assert recording.label(name) == ("7", "8")
 
 
 @pytest.mark.parametrize(
-    ("remark", "simulated"),
+    ("comment", "simulated"),
     [
         ("# simulated", True),
         ("# Simulated: Dp 110", True),
@@ -55,6 +55,6 @@ def test_numbers_that_name_a_guide_are_words_too(tmp_path: Path, name: str) -> N
         ("# simulatedly", False),
     ],
 )
-def test_a_table_says_that_it_is_simulated(tmp_path: Path, remark: str, simulated: bool) -> None:
-    found = read(saved(tmp_path, f"{remark}\nexposure_s,thickness_um\n1,20\n2,30\n"))
-    assert found.provenance.simulated is simulated
+def test_simulation_mark_in_comment(tmp_path: Path, comment: str, simulated: bool) -> None:
+    recording = read(saved(tmp_path, f"{comment}\nexposure_s,thickness_um\n1,20\n2,30\n"))
+    assert recording.provenance.simulated is simulated

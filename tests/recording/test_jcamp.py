@@ -1,4 +1,4 @@
-"""JCAMP-DX: pairs, and an even axis plain or compressed, each the numbers of a plain reading."""
+"""JCAMP-DX files: pairs, and a uniform axis with plain or compressed values."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ COUNTS = [round(5000.0 + 4000.0 * np.sin(0.2 * n)) for n in range(60)] + [900] *
 
 
 def squeezed(value: int) -> str:
-    """A number whose first digit is a pseudo-digit with its sign."""
+    """Return a number whose first digit is a pseudo-digit with the sign."""
     letters = "@ABCDEFGHI" if value >= 0 else "@abcdefghi"
     digits = str(abs(value))
     return letters[int(digits[0])] + digits[1:]
@@ -28,15 +28,15 @@ def repeated(count: int) -> str:
     return " STUVWXYZs"[int(str(count)[0])] + str(count)[1:]
 
 
-def even_lines(form: str, first: float, step: float, each: int = 9) -> list[str]:
-    """Lines of COUNTS by the standard: of differences each begins with the last value of the one before."""
-    lines, place = [], 0
-    while place < len(COUNTS):
-        part = COUNTS[place : place + each]
-        begin = place
-        if form == "differences" and place:
-            part, begin = [COUNTS[place - 1], *part], place - 1
-        x = f"{first + step * begin:.3f}"
+def uniform_lines(form: str, first: float, step: float, per_line: int = 9) -> list[str]:
+    """Return the lines of COUNTS; a line of differences begins with the last value of the previous one."""
+    lines, position = [], 0
+    while position < len(COUNTS):
+        part = COUNTS[position : position + per_line]
+        first_index = position
+        if form == "differences" and position:
+            part, first_index = [COUNTS[position - 1], *part], position - 1
+        x = f"{first + step * first_index:.3f}"
         if form == "plain":
             lines.append(" ".join([x, *map(str, part)]))
         elif form == "squeezed":
@@ -45,11 +45,11 @@ def even_lines(form: str, first: float, step: float, each: int = 9) -> list[str]
             steps = np.diff(part).tolist()
             text, number = x + squeezed(part[0]), 0
             while number < len(steps):
-                same = next((n for n in range(number, len(steps)) if steps[n] != steps[number]), len(steps)) - number
-                text += difference(steps[number]) + (repeated(same) if same > 1 else "")
-                number += same
+                run = next((n for n in range(number, len(steps)) if steps[n] != steps[number]), len(steps)) - number
+                text += difference(steps[number]) + (repeated(run) if run > 1 else "")
+                number += run
             lines.append(text)
-        place += each
+        position += per_line
     return lines
 
 
@@ -64,7 +64,7 @@ def jcamp(form: str = "plain", x_units: str = "NANOMETERS", y_units: str = "TRAN
         body = [f"{first + step * n:.3f}, {factor * count:.4f}" for n, count in enumerate(COUNTS)]
         return "\r\n".join([*head, "##XYPOINTS=(XY..XY)", *body, "##END=", ""])
     head += ["##XFACTOR=1.0", f"##YFACTOR={factor}", f"##DELTAX={step}"]
-    return "\r\n".join([*head, "##XYDATA=(X++(Y..Y))", *even_lines(form, first, step), "##END=", ""])
+    return "\r\n".join([*head, "##XYDATA=(X++(Y..Y))", *uniform_lines(form, first, step), "##END=", ""])
 
 
 def saved(folder: Path, text: str) -> Path:
@@ -74,24 +74,24 @@ def saved(folder: Path, text: str) -> Path:
 
 @pytest.mark.parametrize("form", ["pairs", "plain", "squeezed", "differences"])
 @pytest.mark.parametrize("step", [2.0, -0.5])
-def test_numbers_are_those_of_a_plain_reading(tmp_path: Path, form: str, step: float) -> None:
-    found = read(saved(tmp_path, jcamp(form, step=step)))
-    assert found.provenance.format == "jcamp-dx"
-    (one,) = spectra(found)
-    assert one.channel.quantity == "transmittance"
-    assert one.wavelength_nm == pytest.approx(400.0 + step * np.arange(len(COUNTS)), abs=1e-9)
-    assert one.ratio() == pytest.approx(1e-4 * np.array(COUNTS), abs=1e-12)
+def test_reads_all_numbers(tmp_path: Path, form: str, step: float) -> None:
+    recording = read(saved(tmp_path, jcamp(form, step=step)))
+    assert recording.provenance.format == "jcamp-dx"
+    (trace,) = spectra(recording)
+    assert trace.channel.quantity == "transmittance"
+    assert trace.wavelength_nm == pytest.approx(400.0 + step * np.arange(len(COUNTS)), abs=1e-9)
+    assert trace.ratio() == pytest.approx(1e-4 * np.array(COUNTS), abs=1e-12)
 
 
-def test_pairs_that_go_back_are_refused(tmp_path: Path) -> None:
+def test_rejects_pairs_out_of_order(tmp_path: Path) -> None:
     text = jcamp("pairs")
-    for place in ("402.000", "430.000"):
+    for position in ("402.000", "430.000"):
         with pytest.raises(DataError, match="reverses at"):
-            read(saved(tmp_path, text.replace("432.000,", f"{place},", 1)))
+            read(saved(tmp_path, text.replace("432.000,", f"{position},", 1)))
 
 
-def test_a_line_of_the_standard_in_all_its_forms() -> None:
-    """Numbers 1 to 3 and again 3: plain, squeezed, as differences, with a repeat."""
+def test_all_forms_of_a_line() -> None:
+    """The numbers 1, 2, 3, 3: plain, squeezed, as differences, and with a repetition."""
     from solen.recording.jcamp import read as reader
     from solen.recording.source import Source
 
@@ -101,16 +101,16 @@ def test_a_line_of_the_standard_in_all_its_forms() -> None:
         assert reader(Source(Path("x"), text.encode())).channels[-1].values.tolist() == [1.0, 2.0, 3.0, 3.0]
 
 
-def test_wavenumbers_become_wavelengths(tmp_path: Path) -> None:
-    found = read(saved(tmp_path, jcamp(x_units="1/CM", y_units="% TRANSMITTANCE", step=10.0)))
-    (one,) = spectra(found)
-    assert one.wavelength_nm[0] == pytest.approx(25_000.0)
-    assert one.channel.unit == "%"
-    assert found.need("wavenumber").unit == "1/cm"
+def test_wavelengths_from_wavenumbers(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, jcamp(x_units="1/CM", y_units="% TRANSMITTANCE", step=10.0)))
+    (trace,) = spectra(recording)
+    assert trace.wavelength_nm[0] == pytest.approx(25_000.0)
+    assert trace.channel.unit == "%"
+    assert recording.need("wavenumber").unit == "1/cm"
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "words"),
+    ("before", "after", "part"),
     [
         ("##NPOINTS=66", "##NPOINTS=67", "66 points|begins at|comes next"),
         ("##END=", "", "no END"),
@@ -121,8 +121,8 @@ def test_wavenumbers_become_wavelengths(tmp_path: Path) -> None:
         ("##FIRSTY=0.5", "##FIRSTY=0.7", "FIRSTY"),
     ],
 )
-def test_what_the_file_states_is_held_against_its_numbers(tmp_path: Path, before: str, after: str, words: str) -> None:
+def test_checks_header_against_numbers(tmp_path: Path, before: str, after: str, part: str) -> None:
     text = jcamp()
     assert before in text
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, text.replace(before, after, 1)))

@@ -1,4 +1,4 @@
-"""A large table is read as a small one is, only faster; what is wrong in it is told with the same words."""
+"""The fast reader of large tables agrees with the row-by-row reader, including its errors."""
 
 from pathlib import Path
 
@@ -21,21 +21,25 @@ def table(separator: str = ",", mark: str = ".", header: str = "time_s,angle_deg
 
 
 @pytest.fixture(autouse=True)
-def _every_file_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+def _low_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fast, "MIN_BYTES", 1000)
 
 
-def both(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Read in both ways and compare."""
-    quick = read(path)
+def compare(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that both readers agree."""
+    fast_reading = read(path)
     monkeypatch.setattr(fast, "MIN_BYTES", 10**9)
     slow = read(path)
-    assert quick.names == slow.names
-    assert quick.provenance == slow.provenance
-    assert quick.warnings == slow.warnings
-    for ours, theirs in zip(quick.channels, slow.channels, strict=True):
-        assert np.array_equal(ours.values, theirs.values, equal_nan=True)
-        assert (ours.unit, ours.quantity, ours.axis) == (theirs.unit, theirs.quantity, theirs.axis)
+    assert fast_reading.names == slow.names
+    assert fast_reading.provenance == slow.provenance
+    assert fast_reading.warnings == slow.warnings
+    for fast_channel, channel in zip(fast_reading.channels, slow.channels, strict=True):
+        assert np.array_equal(fast_channel.values, channel.values, equal_nan=True)
+        assert (fast_channel.unit, fast_channel.quantity, fast_channel.axis) == (
+            channel.unit,
+            channel.quantity,
+            channel.axis,
+        )
 
 
 @pytest.mark.parametrize(
@@ -51,38 +55,38 @@ def both(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=["comma", "semicolon", "tab", "parameters", "no end", "cut", "windows"],
 )
-def test_both_ways_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def test_agrees_with_row_by_row_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     path = tmp_path / "large.csv"
     path.write_bytes(text.encode("utf-8"))
-    both(path, monkeypatch)
+    compare(path, monkeypatch)
 
 
-def test_a_large_table_is_taken_at_once(tmp_path: Path) -> None:
+def test_reads_large_table(tmp_path: Path) -> None:
     path = tmp_path / "large.csv"
     path.write_text(table(), encoding="utf-8")
     assert fast.read_large(load(path)) is not None
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("row", "location"),
     [("1.0,x,2.0", "line 2000, column 2"), ("1.0,2.0", "line 2000"), ("1.0,2.0,3.0,4.0", "line 2000")],
 )
-def test_damage_is_reported_with_its_line(tmp_path: Path, wrong: str, said: str) -> None:
+def test_reports_damage_with_line(tmp_path: Path, row: str, location: str) -> None:
     lines = table().split("\n")
-    lines[1999] = wrong
+    lines[1999] = row
     path = tmp_path / "large.csv"
     path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=location):
         read(path)
 
 
-def test_an_empty_cell_and_a_remark_are_no_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_cell_and_comment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = table().split("\n")
     lines[1999] = "1.0,,2.0"
-    lines[1500] = "# a remark"
+    lines[1500] = "# a comment"
     path = tmp_path / "large.csv"
     path.write_text("\n".join(lines), encoding="utf-8")
-    both(path, monkeypatch)
+    compare(path, monkeypatch)
     assert np.isnan(read(path).need("angle").values).sum() == 1
 
 
@@ -95,15 +99,15 @@ def test_an_empty_cell_and_a_remark_are_no_numbers(tmp_path: Path, monkeypatch: 
         (["23:59:59.75", "00:00:00.25", "00:00:00.75"], [0.5, 0.5]),
     ],
 )
-def test_clock_times_are_seconds(tmp_path: Path, stamps: list[str], steps: list[float]) -> None:
+def test_clock_times_become_seconds(tmp_path: Path, stamps: list[str], steps: list[float]) -> None:
     path = tmp_path / "log.csv"
     path.write_text("\n".join(["timestamp;V", *(f"{stamp};1" for stamp in stamps)]) + "\n", encoding="utf-8")
-    found = read(path).need("timestamp")
-    assert (found.unit, found.quantity) == ("s", "time")
-    assert np.diff(found.values) == pytest.approx(steps)
+    channel = read(path).need("timestamp")
+    assert (channel.unit, channel.quantity) == ("s", "time")
+    assert np.diff(channel.values) == pytest.approx(steps)
 
 
-def test_words_are_no_clock_times(tmp_path: Path) -> None:
+def test_words_are_not_clock_times(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("clock;V\nten;1\neleven;2\n", encoding="utf-8")
     assert read(path).find("clock") is None

@@ -1,4 +1,4 @@
-"""Files that are too large, too odd or made to harm: refused in one line, in a time that grows as their size does."""
+"""Files that are too large, unusual or malicious: rejected in one line, in a time proportional to their size."""
 
 import io
 import zipfile
@@ -13,26 +13,26 @@ from solen.recording.source import MAX_MB
 from tests.recording.mutate import damaged
 from tests.recording.test_table import ROWS, workbook
 
-TABLE = "# remark: a\nRate;5\n\nwavelength_nm;T (%);sample\nnm;%;\n400;91,5;A\n410;91,7;\n420;;B\n\nby hand\n"
+TABLE = "# comment: a\nRate;5\n\nwavelength_nm;T (%);sample\nnm;%;\n400;91,5;A\n410;91,7;\n420;;B\n\nby hand\n"
 
 
 @pytest.mark.parametrize("kind", ["table", "workbook"])
-def test_damage_never_ends_in_anything_but_numbers_or_one_line(tmp_path: Path, kind: str) -> None:
-    whole = TABLE.encode() if kind == "table" else workbook(tmp_path, {"data": ROWS}).read_bytes()
+def test_damaged_file_gives_numbers_or_one_line(tmp_path: Path, kind: str) -> None:
+    intact = TABLE.encode() if kind == "table" else workbook(tmp_path, {"data": ROWS}).read_bytes()
     path = tmp_path / "file"
-    refused = 0
+    rejected = 0
     for seed in range(150):
-        path.write_bytes(damaged(seed, whole)[0])
+        path.write_bytes(damaged(seed, intact)[0])
         try:
             read(path)
         except DataError as bad:
-            refused += 1
-            told = str(bad)
-            assert "\n" not in told
-    assert refused > 30
+            rejected += 1
+            text = str(bad)
+            assert "\n" not in text
+    assert rejected > 30
 
 
-def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
+def test_rejects_too_large_file(tmp_path: Path) -> None:
     path = tmp_path / "long.csv"
     with path.open("wb") as file:
         file.truncate(MAX_MB * 1_000_000 + 1)
@@ -42,15 +42,13 @@ def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
 
 def archive(parts: dict[str, bytes]) -> bytes:
     data = io.BytesIO()
-    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as made:
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
         for name, part in parts.items():
-            made.writestr(name, part)
+            file.writestr(name, part)
     return data.getvalue()
 
 
-def test_archives_that_are_no_workbooks_or_unpack_to_more_than_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rejects_other_or_too_large_archives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("solen.recording.workbook.MAX_MB", 4)
     path = tmp_path / "book.xlsx"
     path.write_bytes(archive({"xl/workbook.xml": b"<workbook/>", "xl/worksheets/sheet1.xml": bytes(5_000_000)}))
@@ -66,7 +64,7 @@ def test_archives_that_are_no_workbooks_or_unpack_to_more_than_one(
         read(path)
 
 
-def test_a_lone_cell_far_out_is_no_table(tmp_path: Path) -> None:
+def test_rejects_distant_single_cell(tmp_path: Path) -> None:
     book = openpyxl.Workbook()
     book.worksheets[0]["A1"] = "t_s"
     book.worksheets[0].cell(20_000, 16_000, 1.0)
@@ -100,7 +98,7 @@ LONG = 200_000
     ],
     ids=range(15),
 )
-def test_long_lines_and_many_of_them_end_in_a_result_or_one_line(tmp_path: Path, text: str) -> None:
+def test_long_or_many_lines_give_result_or_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "file.csv"
     path.write_text(text, encoding="utf-8", newline="")
     try:

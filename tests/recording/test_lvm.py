@@ -1,4 +1,4 @@
-"""LabVIEW's measurement files: every number of a plain reading, packets joined, what they state held against them."""
+"""LabVIEW measurement files: all numbers, joined packets, and headers checked against the rows."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ def lvm(
     mark: str = ".",
     units: tuple[str, ...] = ("Volts", "Millivolts"),
 ) -> str:
-    """A file as LabVIEW's Write to Measurement File writes it, of numbers that can be computed."""
+    """Return a file of computed numbers in the form of LabVIEW's Write to Measurement File."""
     name = {"\t": "Tab", ",": "Comma"}[separator]
     head = ["Writer_Version 2", "Reader_Version 2", f"Separator {name}"]
     head += [f"Decimal_Separator {mark}", f"Multi_Headings {'Yes' if packets > 1 else 'No'}", f"X_Columns {x_columns}"]
@@ -66,63 +66,67 @@ def saved(folder: Path, text: str) -> Path:
 @pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
 @pytest.mark.parametrize(("separator", "mark"), [("\t", "."), ("\t", ","), (",", ".")])
 @pytest.mark.parametrize("packets", [1, 3])
-def test_numbers_are_those_of_a_plain_reading(
-    tmp_path: Path, x_columns: str, separator: str, mark: str, packets: int
-) -> None:
-    found = read(saved(tmp_path, lvm(8, packets, x_columns=x_columns, separator=separator, mark=mark)))
-    assert found.provenance.format == "lvm"
-    assert [(one.name, one.unit) for one in found.channels] == [("time", "s"), ("Voltage_0", "V"), ("Voltage_1", "mV")]
-    assert found.channels[0].values == pytest.approx(0.001 * np.arange(8 * packets), abs=1e-9)
+def test_reads_all_numbers(tmp_path: Path, x_columns: str, separator: str, mark: str, packets: int) -> None:
+    recording = read(saved(tmp_path, lvm(8, packets, x_columns=x_columns, separator=separator, mark=mark)))
+    assert recording.provenance.format == "lvm"
+    assert [(channel.name, channel.unit) for channel in recording.channels] == [
+        ("time", "s"),
+        ("Voltage_0", "V"),
+        ("Voltage_1", "mV"),
+    ]
+    assert recording.channels[0].values == pytest.approx(0.001 * np.arange(8 * packets), abs=1e-9)
     expected = np.array([values_at(row, 2) for row in range(8 * packets)])
-    assert np.column_stack([one.values for one in found.channels[1:]]) == pytest.approx(expected, abs=1e-12)
-    assert found.provenance.date == "2026-03-01"
+    assert np.column_stack([channel.values for channel in recording.channels[1:]]) == pytest.approx(expected, abs=1e-12)
+    assert recording.provenance.date == "2026-03-01"
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "words"),
+    ("before", "after", "part"),
     [
         ("Samples\t12\t12", "Samples\t13\t13", "12 rows, but the header specifies 13"),
-        ("0.004000\t", "0.014000\t", "line 27; has a different time"),
+        ("0.004000\t", "0.014000\t", "line 27; has a time that differs"),
         ("1.540000", "1.54x", "line 27, column 2 = '1.54x'"),
         ("Channels\t2", "Channels\t3", "names 2 channels, but the header specifies 3"),
         ("Voltage_1\tComment", "", "names 1 channel, but the header specifies 2"),
         ("X0\t0.000000\t0.000000", "X0\t0.000000\t0.500000", "have different times"),
     ],
 )
-def test_what_a_packet_states_is_held_against_it(tmp_path: Path, before: str, after: str, words: str) -> None:
+def test_checks_packet_header_against_rows(tmp_path: Path, before: str, after: str, part: str) -> None:
     text = lvm()
     assert before in text
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, text.replace(before, after, 1)))
 
 
-def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+def test_rejects_truncated_file(tmp_path: Path) -> None:
     text = lvm(40)
-    for share in (0.05, 0.2, 0.5, 0.9):
+    for fraction in (0.05, 0.2, 0.5, 0.9):
         with pytest.raises(DataError):
-            read(saved(tmp_path, text[: int(share * len(text))]))
+            read(saved(tmp_path, text[: int(fraction * len(text))]))
 
 
 def appended(text: str, times: tuple[str, ...]) -> str:
-    """A file that was appended to, each time with its own header, X from 0 and the clock's time."""
+    """Return a file that was appended to; each part has its own header, X from 0 and a clock time."""
     stamped = "Date\t2026/03/01\t2026/03/01\t\r\nTime\t{0}\t{0}\t\r\nY_Unit"
-    return "".join(text.replace("Date\t2026/03/01\t2026/03/01\t\r\nY_Unit", stamped.format(one)) for one in times)
+    return "".join(
+        text.replace("Date\t2026/03/01\t2026/03/01\t\r\nY_Unit", stamped.format(clock_time)) for clock_time in times
+    )
 
 
-def test_a_file_that_was_appended_to_counts_from_its_stamps(tmp_path: Path) -> None:
-    found = read(saved(tmp_path, appended(lvm(8), ("23:59:59.5", "23:59:59.75", "23:59:59.875"))))
-    expected = np.concatenate([0.001 * np.arange(8) + begin for begin in (0.0, 0.25, 0.375)])
-    assert found.channels[0].values == pytest.approx(expected, abs=1e-9)
-    assert found.channels[1].values == pytest.approx([values_at(row % 8, 2)[0] for row in range(24)])
+def test_times_of_appended_file_follow_time_stamps(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, appended(lvm(8), ("23:59:59.5", "23:59:59.75", "23:59:59.875"))))
+    expected = np.concatenate([0.001 * np.arange(8) + start for start in (0.0, 0.25, 0.375)])
+    assert recording.channels[0].values == pytest.approx(expected, abs=1e-9)
+    assert recording.channels[1].values == pytest.approx([values_at(row % 8, 2)[0] for row in range(24)])
 
 
 @pytest.mark.parametrize("times", [("10:00:00", "10:00:00.002"), ("10:00:00", "09:00:00"), ("10:00:00", "then")])
-def test_packets_that_overlap_in_time_are_refused(tmp_path: Path, times: tuple[str, ...]) -> None:
-    with pytest.raises(DataError, match="restart the time"):
+def test_rejects_packets_that_overlap_in_time(tmp_path: Path, times: tuple[str, ...]) -> None:
+    with pytest.raises(DataError, match="whose times overlap"):
         read(saved(tmp_path, appended(lvm(8), times)))
 
 
-def test_packets_of_other_channels_are_refused(tmp_path: Path) -> None:
+def test_rejects_packets_with_other_channels(tmp_path: Path) -> None:
     two = lvm(5).rpartition("***End_of_Header***")[0]
     other = lvm(5, units=("Volts",))
     packet = other[other.index("Channels") :]

@@ -1,4 +1,4 @@
-"""OceanView's and SpectraSuite's text files: every number of a plain reading."""
+"""Text files of OceanView and SpectraSuite."""
 
 from pathlib import Path
 
@@ -13,14 +13,14 @@ VALUES = [round(1200.0 + 300.0 * np.sin(0.3 * n), 2) for n in range(50)]
 
 
 def ocean(program: str = "OceanView", mark: str = ".") -> str:
-    """A file as the programs write it."""
+    """Return a file in the form of the programs."""
     rows = [f"{wave:.3f}\t{value:.2f}".replace(".", mark) for wave, value in zip(WAVES, VALUES, strict=True)]
-    stated = ["Date: Sun Mar 01 10:22:33 CET 2026", "User: nobody", "Spectrometer: USB4F00001"]
+    entries = ["Date: Sun Mar 01 10:22:33 CET 2026", "User: nobody", "Spectrometer: USB4F00001"]
     if program == "OceanView":
-        head = ["Data from film_Absorbance_001.txt Node", "", *stated, "Integration Time (sec): 1.000000E-1"]
+        head = ["Data from film_Absorbance_001.txt Node", "", *entries, "Integration Time (sec): 1.000000E-1"]
         head += ["XAxis mode: Wavelengths", f"Number of Pixels in Spectrum: {len(rows)}"]
         return "\r\n".join([*head, ">>>>>Begin Spectral Data<<<<<", *rows, ""])
-    head = ["SpectraSuite Data File", "++++++++++++++++++++++++++++++++++++", *stated]
+    head = ["SpectraSuite Data File", "++++++++++++++++++++++++++++++++++++", *entries]
     head += [f"Number of Pixels in Processed Spectrum: {len(rows)}"]
     ends = ">>>>>{} Processed Spectral Data<<<<<"
     return "\r\n".join([*head, ends.format("Begin"), *rows, ends.format("End"), ""])
@@ -33,27 +33,27 @@ def saved(folder: Path, text: str) -> Path:
 
 @pytest.mark.parametrize("program", ["OceanView", "SpectraSuite"])
 @pytest.mark.parametrize("mark", [".", ","])
-def test_numbers_are_those_of_a_plain_reading(tmp_path: Path, program: str, mark: str) -> None:
-    found = read(saved(tmp_path, ocean(program, mark)))
-    assert found.provenance.format == "ocean"
-    assert found.provenance.instrument == "USB4F00001"
-    assert found.need("wavelength").values.tolist() == WAVES
-    assert found.channel("spectrum").values.tolist() == VALUES
-    assert any("does not say whether its values are" in line for line in found.warnings)
+def test_reads_all_numbers(tmp_path: Path, program: str, mark: str) -> None:
+    recording = read(saved(tmp_path, ocean(program, mark)))
+    assert recording.provenance.format == "ocean"
+    assert recording.provenance.instrument == "USB4F00001"
+    assert recording.need("wavelength").values.tolist() == WAVES
+    assert recording.channel("spectrum").values.tolist() == VALUES
+    assert any("does not specify whether its values are" in line for line in recording.warnings)
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "words"),
+    ("before", "after", "part"),
     [
         ("Spectrum: 50", "Spectrum: 51", "50 rows, .* 51"),
         ("XAxis mode: Wavelengths", "XAxis mode: Raman Shifts", "Raman Shifts"),
-        ("178.200\t", "187.200\t", "increase, or decrease"),
+        ("178.200\t", "187.200\t", "ascending or descending order"),
         ("178.200\t", "178.200", "line 10"),
         ("178.200", "17x.200", "line 10"),
     ],
 )
-def test_what_is_damaged_is_refused_with_its_line(tmp_path: Path, before: str, after: str, words: str) -> None:
+def test_rejects_damage_with_line(tmp_path: Path, before: str, after: str, part: str) -> None:
     text = ocean()
     assert before in text
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, text.replace(before, after, 1)))

@@ -1,4 +1,4 @@
-"""Files of spectrometers and test machines: every number of a plain reading, and what is damaged is refused."""
+"""Files of spectrometers and test machines: all numbers, and damage rejected."""
 
 import random
 import struct
@@ -11,7 +11,7 @@ from solen.errors import DataError, SolenError
 from solen.material.cure.discs import CureOptions, curve_of_discs
 from solen.material.cure.exposures import samples_of
 from solen.material.rows import RowOptions, chosen_rows
-from solen.recording import read, read_parts, spectra, stated
+from solen.recording import parameter, read, read_parts, spectra
 from tests.recording import programs
 from tests.recording.mutate import KINDS
 from tests.recording.programs import FORCE, PERCENT, TIME, TRAVEL, WAVES
@@ -33,26 +33,26 @@ SPECTRA = {
 
 
 @pytest.mark.parametrize("name", SPECTRA)
-def test_a_spectrum_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: str) -> None:
+def test_reads_all_numbers_of_spectrum(tmp_path: Path, name: str) -> None:
     text, kind, quantity, unit, values = SPECTRA[name]
-    found = read(saved(tmp_path, text))
-    (one,) = spectra(found)
-    assert found.provenance.format == kind
-    assert (one.channel.quantity, one.channel.unit) == (quantity, unit)
-    assert one.wavelength_nm.tolist() == WAVES
-    assert one.channel.values.tolist() == values
+    recording = read(saved(tmp_path, text))
+    (trace,) = spectra(recording)
+    assert recording.provenance.format == kind
+    assert (trace.channel.quantity, trace.channel.unit) == (quantity, unit)
+    assert trace.wavelength_nm.tolist() == WAVES
+    assert trace.channel.values.tolist() == values
 
 
 @pytest.mark.parametrize("mark", [".", ","])
 def test_avantes_converted_text(tmp_path: Path, mark: str) -> None:
-    found = read(saved(tmp_path, programs.avantes(mark)))
-    assert found.need("wavelength").to("nm").tolist() == WAVES
-    assert found.need("transmittance").values.tolist() == PERCENT
-    assert found.need("transmittance").unit == "%"
+    recording = read(saved(tmp_path, programs.avantes(mark)))
+    assert recording.need("wavelength").to("nm").tolist() == WAVES
+    assert recording.need("transmittance").values.tolist() == PERCENT
+    assert recording.need("transmittance").unit == "%"
 
 
 @pytest.mark.parametrize(
-    ("name", "before", "after", "words"),
+    ("name", "before", "after", "part"),
     [
         ("jasco", "NPOINTS\t40", "NPOINTS\t41", "40 rows, .* 41"),
         ("jasco", "XUNITS\tNANOMETERS", "XUNITS\tSeconds", "Seconds"),
@@ -66,12 +66,10 @@ def test_avantes_converted_text(tmp_path: Path, mark: str) -> None:
         ("Thorlabs", "nm_vac", "THz", "THz"),
     ],
 )
-def test_what_a_spectrum_states_is_held_against_its_rows(
-    tmp_path: Path, name: str, before: str, after: str, words: str
-) -> None:
+def test_checks_header_against_rows(tmp_path: Path, name: str, before: str, after: str, part: str) -> None:
     text = SPECTRA[name][0]
     assert before in text
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, text.replace(before, after, 1)))
 
 
@@ -85,23 +83,23 @@ def test_what_a_spectrum_states_is_held_against_its_rows(
 @pytest.mark.parametrize("axis", ["nm", "Wave (nm)", "Wavelength nm."])
 def test_headers_of_percent(tmp_path: Path, header: str, axis: str) -> None:
     rows = "".join(f"{w},{t}\n" for w, t in zip(WAVES, PERCENT, strict=True))
-    (one,) = spectra(read(saved(tmp_path, f"{axis},{header}\n{rows}")))
-    assert one.channel.quantity == "transmittance"
-    assert one.wavelength_nm.tolist() == WAVES
-    assert one.ratio() == pytest.approx(0.01 * np.array(PERCENT), rel=1e-12)
+    (trace,) = spectra(read(saved(tmp_path, f"{axis},{header}\n{rows}")))
+    assert trace.channel.quantity == "transmittance"
+    assert trace.wavelength_nm.tolist() == WAVES
+    assert trace.ratio() == pytest.approx(0.01 * np.array(PERCENT), rel=1e-12)
 
 
 @pytest.mark.parametrize("separator", ["\t", ",", ";", " "])
-def test_two_bare_columns_of_wavelengths_and_values(tmp_path: Path, separator: str) -> None:
+def test_two_columns_without_header_are_a_spectrum(tmp_path: Path, separator: str) -> None:
     rows = [f"{w}{separator}{t}" for w, t in zip(WAVES, PERCENT, strict=True)]
-    found = read(saved(tmp_path, "\n".join([*rows, ""])))
-    (one,) = spectra(found)
-    assert (one.wavelength_nm.tolist(), one.channel.values.tolist()) == (WAVES, PERCENT)
-    assert one.channel.quantity == ""
-    assert any("400 to 478 are assumed to be in nm" in warning for warning in found.warnings)
+    recording = read(saved(tmp_path, "\n".join([*rows, ""])))
+    (trace,) = spectra(recording)
+    assert (trace.wavelength_nm.tolist(), trace.channel.values.tolist()) == (WAVES, PERCENT)
+    assert trace.channel.quantity == ""
+    assert any("400 to 478 are assumed to be in nm" in warning for warning in recording.warnings)
 
 
-def test_two_bare_columns_that_are_no_spectrum_are_refused(tmp_path: Path) -> None:
+def test_rejects_other_columns_without_header(tmp_path: Path) -> None:
     rows = [f"{t},{f}" for t, f in zip(TIME, FORCE, strict=True)]
     with pytest.raises(DataError, match="no header"):
         read(saved(tmp_path, "\n".join([*rows, ""])))
@@ -123,7 +121,7 @@ MACHINES = {"MTS TestSuite": "mts-testsuite", "Lloyd NEXYGEN": "lloyd-nexygen", 
 
 
 @pytest.mark.parametrize("name", TESTS)
-def test_each_specimen_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: str) -> None:
+def test_reads_all_numbers_of_each_specimen(tmp_path: Path, name: str) -> None:
     text, count = TESTS[name]
     parts = list(read_parts(saved(tmp_path, text)))
     assert len(parts) == count
@@ -137,24 +135,24 @@ def test_each_specimen_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: 
         assert part.need("force").to("N").tolist() == FORCE[rows]
 
 
-def test_each_specimen_has_its_line_of_each_list(tmp_path: Path) -> None:
+def test_specimens_have_parameters_of_their_rows(tmp_path: Path) -> None:
     for text, key, values in (
         (programs.trapezium(), "Width", [6.0, 6.1]),
         (programs.bluehill(3), "Modulus", [3.0, 3.1, 3.2]),
     ):
         parts = list(read_parts(saved(tmp_path, text)))
-        found = [stated(part, key) for _, part in parts]
-        assert [number for number, _ in filter(None, found)] == values
+        parameters = [parameter(part, key) for _, part in parts]
+        assert [number for number, _ in filter(None, parameters)] == values
     assert [name for name, _ in read_parts(saved(tmp_path, programs.trapezium()))] == ["1 _ 1", "1 _ 2"]
 
 
-def test_several_specimens_are_not_read_as_one(tmp_path: Path) -> None:
+def test_rejects_several_specimens_as_one_recording(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="2 specimens: 1 _ 1, 1 _ 2"):
         read(saved(tmp_path, programs.trapezium()))
 
 
 @pytest.mark.parametrize(
-    ("name", "before", "after", "words"),
+    ("name", "before", "after", "part"),
     [
         ("Trapezium", "0.5,0.3", "x,0.3", "belong to no table"),
         ("Bluehill", "0.5,0.25", "0.5;0.25", "belong to no table"),
@@ -164,89 +162,89 @@ def test_several_specimens_are_not_read_as_one(tmp_path: Path) -> None:
         ("Lloyd NEXYGEN", "\r\n0.5,", "\r\n0.05,", "the time of a test must increase"),
     ],
 )
-def test_damage_in_a_specimen_is_refused(tmp_path: Path, name: str, before: str, after: str, words: str) -> None:
+def test_rejects_damage_in_specimen(tmp_path: Path, name: str, before: str, after: str, part: str) -> None:
     text = TESTS[name][0]
     assert before in text
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=part):
         list(read_parts(saved(tmp_path, text.replace(before, after, 1))))
 
 
 def spc(
-    *, spectra: int = 1, exponent: int = -128, own_places: bool = False, order: str = "<", short: bool = False
+    *, spectra: int = 1, exponent: int = -128, listed_x: bool = False, order: str = "<", short: bool = False
 ) -> bytes:
-    """A file as SPC.H lays it out."""
-    flags = short | (4 if spectra > 1 else 0) | (0x80 if own_places else 0)
+    """Return a file in the layout of SPC.H."""
+    flags = short | (4 if spectra > 1 else 0) | (0x80 if listed_x else 0)
     version = 0x4B if order == "<" else 0x4C
     head = struct.pack(
         f"{order}BBBbIddIBB", flags, version, 0, exponent, len(WAVES), WAVES[0], WAVES[-1], spectra, 3, 128
     )
     data = head.ljust(512, b"\0")
-    if own_places:
+    if listed_x:
         data += np.array(WAVES, f"{order}f4").tobytes()
     bits = 16 if short else 32
     for number in range(spectra):
         values = np.array(PERCENT) + number
-        kind = f"{order}f4" if exponent == -128 else f"{order}i{bits // 8}"
+        dtype = f"{order}f4" if exponent == -128 else f"{order}i{bits // 8}"
         counts = values if exponent == -128 else np.round(values * 2.0 ** (bits - exponent))
         sub = struct.pack(f"{order}BbHfffIIf4x", 0, exponent, number, float(number), 0.0, 0.0, len(WAVES), 0, 0.0)
-        data += sub + counts.astype(kind).tobytes()
+        data += sub + counts.astype(dtype).tobytes()
     return data
 
 
 @pytest.mark.parametrize("exponent", [-128, 8])
-@pytest.mark.parametrize("own_places", [False, True])
+@pytest.mark.parametrize("listed_x", [False, True])
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("count", [1, 3])
-def test_spc(tmp_path: Path, exponent: int, own_places: bool, order: str, count: int) -> None:
-    found = read(saved(tmp_path, spc(spectra=count, exponent=exponent, own_places=own_places, order=order)))
-    traces = spectra(found)
+def test_spc(tmp_path: Path, exponent: int, listed_x: bool, order: str, count: int) -> None:
+    recording = read(saved(tmp_path, spc(spectra=count, exponent=exponent, listed_x=listed_x, order=order)))
+    traces = spectra(recording)
     assert len(traces) == count
-    for number, one in enumerate(traces):
-        assert one.wavelength_nm == pytest.approx(WAVES, abs=1e-4)
-        assert (one.channel.quantity, one.channel.unit) == ("transmittance", "%")
-        assert one.channel.values == pytest.approx(np.array(PERCENT) + number, abs=1e-5)
+    for number, trace in enumerate(traces):
+        assert trace.wavelength_nm == pytest.approx(WAVES, abs=1e-4)
+        assert (trace.channel.quantity, trace.channel.unit) == ("transmittance", "%")
+        assert trace.channel.values == pytest.approx(np.array(PERCENT) + number, abs=1e-5)
 
 
-def test_spc_of_sixteen_bits(tmp_path: Path) -> None:
-    (one,) = spectra(read(saved(tmp_path, spc(exponent=8, short=True))))
-    assert one.channel.values == pytest.approx(PERCENT, abs=2.0**-8)
+def test_spc_with_16_bits(tmp_path: Path) -> None:
+    (trace,) = spectra(read(saved(tmp_path, spc(exponent=8, short=True))))
+    assert trace.channel.values == pytest.approx(PERCENT, abs=2.0**-8)
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "words"),
+    ("position", "value", "part"),
     [(1, 0x4D, "old layout"), (28, 4, "axis type 4"), (4, 39, "cut off or damaged"), (0, 0x40, "different abscissas")],
 )
-def test_spc_that_is_not_read_is_refused_by_name(tmp_path: Path, place: int, value: int, words: str) -> None:
+def test_rejects_unsupported_spc_by_name(tmp_path: Path, position: int, value: int, part: str) -> None:
     data = bytearray(spc())
-    data[place] = value
-    with pytest.raises(DataError, match=words):
+    data[position] = value
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, bytes(data)))
 
 
-def test_no_damage_to_an_spc_file_raises_anything_else(tmp_path: Path) -> None:
-    """A file of one length whose places and values are floating-point numbers has nothing else to check them by."""
-    whole, outcomes = spc(spectra=2), []
+def test_damaged_spc_is_read_or_rejected(tmp_path: Path) -> None:
+    """Abscissas and values are floating-point numbers, so damage without a change of length is undetectable."""
+    intact, outcomes = spc(spectra=2), []
     for seed in range(300):
-        dice = random.Random(seed)  # noqa: S311
-        data, _ = KINDS[dice.choice(["byte", "bit", "lost", "added", "part lost", "truncated"])](dice, whole)
+        rng = random.Random(seed)  # noqa: S311
+        data, _ = KINDS[rng.choice(["byte", "bit", "lost", "added", "part lost", "truncated"])](rng, intact)
         try:
             outcomes.append(len(spectra(read(saved(tmp_path, data)))))
         except DataError:
             outcomes.append(0)
-        assert len(data) == len(whole) or outcomes[-1] == 0, f"seed {seed}: a file of another length was read"
+        assert len(data) == len(intact) or outcomes[-1] == 0, f"seed {seed}: a file of another length was read"
     assert {0, 2} <= set(outcomes)
 
 
-def test_discs_side_by_side_are_those_below_each_other(tmp_path: Path) -> None:
+def test_discs_in_columns_equal_discs_in_rows(tmp_path: Path) -> None:
     depth = {2.0: (61.0, 63.0), 4.0: (131.0, 127.0), 8.0: (199.0, 201.0), 16.0: (268.0, 271.0)}
     wide = "dose_mJ_per_cm2,disc 1 (um),disc 2 (um)\n" + "".join(f"{e},{a},{b}\n" for e, (a, b) in depth.items())
     long = "dose_mJ_per_cm2,thickness_um,disc\n"
     long += "".join(f"{e},{pair[n]},{n + 1}\n" for n in (0, 1) for e, pair in depth.items())
-    one, other = (curve_of_discs(read(saved(tmp_path, text)), CureOptions()) for text in (wide, long))
-    assert (one.Dp_um, one.u_Dp_um, one.Ec_mJ_per_cm2) == (other.Dp_um, other.u_Dp_um, other.Ec_mJ_per_cm2)
+    trace, other = (curve_of_discs(read(saved(tmp_path, text)), CureOptions()) for text in (wide, long))
+    assert (trace.Dp_um, trace.u_Dp_um, trace.Ec_mJ_per_cm2) == (other.Dp_um, other.u_Dp_um, other.Ec_mJ_per_cm2)
 
 
-def test_discs_side_by_side_need_their_unit(tmp_path: Path) -> None:
+def test_discs_in_columns_need_unit(tmp_path: Path) -> None:
     text = "dose_mJ_per_cm2,disc 1,disc 2\n2,61,63\n4,131,127\n8,199,201\n"
     with pytest.raises(DataError, match="unit of thickness"):
         curve_of_discs(read(saved(tmp_path, text)), CureOptions())
@@ -256,26 +254,26 @@ def test_discs_side_by_side_need_their_unit(tmp_path: Path) -> None:
     ("header", "scale"),
     [("T_2s (%),T_4s (%)", 1.0), ("T 2000 ms,T 4000 ms", 0.01), ("T_2_s,T_4_s", 0.01), ("2 s %T,4 s %T", 1.0)],
 )
-def test_exposures_in_the_names_of_columns(tmp_path: Path, header: str, scale: float) -> None:
+def test_exposures_in_column_names(tmp_path: Path, header: str, scale: float) -> None:
     rows = "".join(f"{w},{scale * t:.6f},{scale * (t - 1):.6f}\n" for w, t in zip(WAVES, PERCENT, strict=True))
     layers = samples_of(read(saved(tmp_path, f"wavelength_nm,{header}\n{rows}")))
     assert [layer.exposure_s for layer in layers] == [2.0, 4.0]
     assert layers[0].transmittance == pytest.approx(0.01 * np.array(PERCENT), abs=1e-8)
 
 
-def test_a_column_is_read_under_another_name(tmp_path: Path) -> None:
+def test_maps_column_to_another_name(tmp_path: Path) -> None:
     text = "clock (s),way (mm),reading\n" + "".join(
         f"{a},{b},{c}\n" for a, b, c in zip(TIME, TRAVEL, FORCE, strict=True)
     )
     recording = read(saved(tmp_path, text))
     options = RowOptions(map=("way=displacement", "reading=force_N"))
-    found = chosen_rows(recording, options)
-    assert found.need("displacement").to("mm").tolist() == TRAVEL
-    assert (found.need("force").quantity, found.need("force").to("N").tolist()) == ("force", FORCE)
+    rows = chosen_rows(recording, options)
+    assert rows.need("displacement").to("mm").tolist() == TRAVEL
+    assert (rows.need("force").quantity, rows.need("force").to("N").tolist()) == ("force", FORCE)
 
 
 @pytest.mark.parametrize(
-    ("pair", "words"),
+    ("pair", "part"),
     [
         ("way", "stroke=displacement"),
         ("wy=force", "no such column"),
@@ -283,29 +281,29 @@ def test_a_column_is_read_under_another_name(tmp_path: Path) -> None:
         ("way=clock", "clock already"),
     ],
 )
-def test_a_name_that_cannot_be_mapped_is_refused(tmp_path: Path, pair: str, words: str) -> None:
+def test_rejects_invalid_mapping(tmp_path: Path, pair: str, part: str) -> None:
     text = "clock (s),way (mm)\n" + "".join(f"{a},{b}\n" for a, b in zip(TIME, TRAVEL, strict=True))
-    with pytest.raises(SolenError, match=words):
+    with pytest.raises(SolenError, match=part):
         chosen_rows(read(saved(tmp_path, text)), RowOptions(map=(pair,)))
 
 
-def test_a_specimen_has_the_line_of_its_own_number(tmp_path: Path) -> None:
-    """Lines 1, 2 and 4 of four specimens; in names that the list does not share."""
+def test_rows_match_specimens_by_number(tmp_path: Path) -> None:
+    """The list has rows 1, 2 and 4 for four specimens, under other names."""
     text = programs.trapezium(4)
     lines = [line for line in text.split("\r\n") if not line.startswith('"1 _ 3","2')]
     lines = [line.replace('"1 _ ', '"', 1) if line.count(",") == 3 else line for line in lines]
     parts = read_parts(saved(tmp_path, "\r\n".join(lines)))
-    assert [one.provenance.metadata.get("Width", "") for _, one in parts] == ["6.0 mm", "6.1 mm", "", "6.3 mm"]
+    assert [trace.provenance.metadata.get("Width", "") for _, trace in parts] == ["6.0 mm", "6.1 mm", "", "6.3 mm"]
 
 
-def test_lines_of_unnamed_specimens_are_as_many_as_they(tmp_path: Path) -> None:
+def test_rejects_fewer_rows_than_unnamed_specimens(tmp_path: Path) -> None:
     text = programs.bluehill(4).replace('3,"2.2","3.2"\r\n', "")
     with pytest.raises(DataError, match="none of the 4 specimens"):
         list(read_parts(saved(tmp_path, text)))
 
 
-@pytest.mark.parametrize(("right", "wrong", "named"), [("1.0", "2.0", "y factor"), ("0.0", "0.5", "y offset")])
-def test_scaled_values_of_perkin_elmer_are_refused(right: str, wrong: str, named: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("right", "wrong", "part"), [("1.0", "2.0", "y factor"), ("0.0", "0.5", "y offset")])
+def test_rejects_scaled_values_of_perkin_elmer(right: str, wrong: str, part: str, tmp_path: Path) -> None:
     text = programs.perkin_elmer().replace(f"\r\n{right}\r\n", f"\r\n{wrong}\r\n")
-    with pytest.raises(DataError, match=named):
+    with pytest.raises(DataError, match=part):
         read(saved(tmp_path, text))

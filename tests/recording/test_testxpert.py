@@ -1,4 +1,4 @@
-"""testXpert exports: channels by what they are, parameters as numbers, damage refused."""
+"""testXpert exports: channels by quantity, parameters as numbers, and damage rejected."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from solen.errors import DataError
-from solen.recording import read, stated
+from solen.recording import parameter, read
 from tests.recording.exports import tensile
 
 ENGLISH = {
@@ -39,7 +39,7 @@ def test_channels_parameters_and_date(tmp_path: Path, encoding: str) -> None:
     recording = read(saved(tmp_path, tensile(), encoding))
     assert recording.provenance.format == "testxpert"
     assert recording.provenance.date == "2021-03-05"
-    assert [(one.quantity, one.unit, one.axis) for one in recording.channels] == [
+    assert [(channel.quantity, channel.unit, channel.axis) for channel in recording.channels] == [
         ("time", "s", ""),
         ("displacement", "mm", "Prüfzeit"),
         ("force", "N", "Prüfzeit"),
@@ -48,9 +48,9 @@ def test_channels_parameters_and_date(tmp_path: Path, encoding: str) -> None:
     ]
     assert recording.need("displacement").values[0] == 6e-5  # printed as 6e-005
     assert recording.need("force").values.size == 120
-    assert stated(recording, "E-Modul") == (3.41, "N/mm²")
-    assert stated(recording, "Bruchkraft") is None
-    assert stated(recording, "Kraft", "aktuelle  probe") == (4.0, "")
+    assert parameter(recording, "E-Modul") == (3.41, "N/mm²")
+    assert parameter(recording, "Bruchkraft") is None
+    assert parameter(recording, "Kraft", "aktuelle  probe") == (4.0, "")
 
 
 @pytest.mark.parametrize(
@@ -64,13 +64,17 @@ def test_channels_parameters_and_date(tmp_path: Path, encoding: str) -> None:
     ],
     ids=["english", "crlf", "semicolons", "bare", "decimal comma"],
 )
-def test_other_settings_of_the_program_give_the_same_numbers(tmp_path: Path, variant: Callable[[str], str]) -> None:
+def test_same_numbers_with_other_settings_of_program(tmp_path: Path, variant: Callable[[str], str]) -> None:
     plain = read(saved(tmp_path, tensile()))
     other = read(saved(tmp_path, variant(tensile())))
     assert other.provenance.format == "testxpert"
-    for one, two in zip(plain.channels, other.channels, strict=True):
-        assert (one.quantity, one.unit, one.values.tolist()) == (two.quantity, two.unit, two.values.tolist())
-    assert stated(other, "E-Modul", "Et") == (3.41, "N/mm²")
+    for channel, other_channel in zip(plain.channels, other.channels, strict=True):
+        assert (channel.quantity, channel.unit, channel.values.tolist()) == (
+            other_channel.quantity,
+            other_channel.unit,
+            other_channel.values.tolist(),
+        )
+    assert parameter(other, "E-Modul", "Et") == (3.41, "N/mm²")
 
 
 DAMAGE: dict[str, tuple[Callable[[list[str]], object], str]] = {
@@ -80,21 +84,21 @@ DAMAGE: dict[str, tuple[Callable[[list[str]], object], str]] = {
         lambda lines: lines.__setitem__(20, lines[20].replace(".", ",", 1)),
         "line 21, column 1",
     ),
-    "a cell lost": (lambda lines: lines.__setitem__(20, lines[20].split("\t", 1)[1]), "line 21"),
-    "a cell too many": (lambda lines: lines.__setitem__(20, lines[20] + "\t1"), "line 21, column 6"),
+    "a lost cell": (lambda lines: lines.__setitem__(20, lines[20].split("\t", 1)[1]), "line 21"),
+    "a surplus cell": (lambda lines: lines.__setitem__(20, lines[20] + "\t1"), "line 21, column 6"),
     "another separator": (lambda lines: lines.__setitem__(20, lines[20].replace("\t", ";", 1)), "line 21"),
-    "a line twice": (lambda lines: lines.insert(20, lines[20]), "line 22"),
-    "lines changed about": (lambda lines: lines.insert(20, lines.pop(24)), "line 22, column 1"),
+    "a repeated line": (lambda lines: lines.insert(20, lines[20]), "line 22"),
+    "lines swapped": (lambda lines: lines.insert(20, lines.pop(24)), "line 22, column 1"),
     "an empty line inside": (lambda lines: lines.insert(20, ""), "line 21"),
-    "a remark inside": (lambda lines: lines.__setitem__(20, "#" + lines[20]), "line 21"),
+    "a comment inside": (lambda lines: lines.__setitem__(20, "#" + lines[20]), "line 21"),
     "a line cut in two": (lambda lines: lines.__setitem__(20, lines[20].replace("\t", "\n", 1)), "line 21"),
-    "two lines made one": (lambda lines: lines.__setitem__(20, lines[20] + lines.pop(21)), "line 21"),
-    "an exponent in a place of no exponent": (
+    "two lines joined": (lambda lines: lines.__setitem__(20, lines[20] + lines.pop(21)), "line 21"),
+    "an unexpected exponent": (
         lambda lines: lines.__setitem__(20, lines[20].replace("785.", "785e", 1)),
         "line 21, column 5",
     ),
-    "the names of the channels lost": (lambda lines: lines.pop(10), "line 11"),
-    "a unit damaged": (lambda lines: lines.__setitem__(11, lines[11].replace('"N"', '"x"')), "line 12"),
+    "lost names of the channels": (lambda lines: lines.pop(10), "line 11"),
+    "a damaged unit": (lambda lines: lines.__setitem__(11, lines[11].replace('"N"', '"x"')), "line 12"),
     "text after the numbers": (lambda lines: lines.insert(-1, "\nend"), "line 134"),
     "two specimens side by side": (
         lambda lines: lines.__setitem__(slice(10, None), [f"{line}\t{line}" for line in lines[10:]]),
@@ -105,20 +109,20 @@ DAMAGE: dict[str, tuple[Callable[[list[str]], object], str]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_damage_is_refused_with_its_place(tmp_path: Path, damage: str) -> None:
+def test_rejects_damage_with_location(tmp_path: Path, damage: str) -> None:
     lines = tensile().split("\n")
-    change, place = DAMAGE[damage]
+    change, location = DAMAGE[damage]
     change(lines)
-    with pytest.raises(DataError, match=rf"{place}\b"):
+    with pytest.raises(DataError, match=rf"{location}\b"):
         read(saved(tmp_path, "\n".join(lines)))
 
 
-def test_a_last_number_that_may_have_lost_a_digit_is_reported(tmp_path: Path) -> None:
+def test_reports_last_number_that_may_be_truncated(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, tensile().removesuffix("\n")[:-1]))
     assert any("without a line break" in warning for warning in recording.warnings)
 
 
 @pytest.mark.parametrize("cut", [3, 8, 25])
-def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, cut: int) -> None:
+def test_rejects_truncated_file(tmp_path: Path, cut: int) -> None:
     with pytest.raises(DataError, match="line 132"):
         read(saved(tmp_path, tensile().removesuffix("\n")[:-cut]))

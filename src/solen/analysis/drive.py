@@ -22,9 +22,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Channel, Recording
-from solen.recording.column_roles import column_of, existing, force_in_volts, named_column, unit_of
+from solen.recording.column_roles import column_list, column_of, force_in_volts, named_column, unit_of
 from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
-from solen.recording.words import plain
+from solen.recording.headings import plain
 from solen.units import factor
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def reject_undriven(recording: Recording) -> NoReturn:
     remedy = (
         "name an angle column with --angle or a stage log with --angle-file, or specify --amplitude-deg; name a force "
         "column with --load or a "
-        f"depth column with --depth; {existing(recording)}"
+        f"depth column with --depth; {column_list(recording)}"
     )
     limit = "no column is recognised as an angle, force or depth"
     raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
@@ -135,7 +135,7 @@ def _chosen(
         there = [name for name in STIMULI if name != options.against and _there(recording, name, named)]
         has = f"; this recording contains {' and '.join(there)}" if there else ""
         limit = f"no column is recognised as the {options.against}{has}"
-        remedy = f"name the column with --{STIMULI[options.against].column}; {existing(recording)}"
+        remedy = f"name the column with --{STIMULI[options.against].column}; {column_list(recording)}"
         raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
     return None
 

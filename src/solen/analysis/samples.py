@@ -22,13 +22,13 @@ from solen.recording.column_roles import (
     NAMED_UNITS,
     column_of,
     companion,
-    existing,
+    column_list,
     named_column,
     receiver_columns,
     side_of,
 )
 from solen.recording.stimulus import ANGLE
-from solen.recording.words import plain
+from solen.recording.headings import plain
 from solen.units import factor
 
 _BRACKETED = re.compile(
@@ -139,7 +139,7 @@ def _time_s(
     channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name the time column with {named[0]}, or specify the rate with {named[1]}; {existing(recording)}"
+            remedy = f"name the time column with {named[0]}, or specify the rate with {named[1]}; {column_list(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     return channel.values * time_scale(channel, options.time_unit, file, warnings)
@@ -187,7 +187,7 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
         return named
     columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:
-        remedy = f"name the columns with --channel NAME=COLUMN; {existing(recording)}"
+        remedy = f"name the columns with --channel NAME=COLUMN; {column_list(recording)}"
         raise DataError(recording.provenance.name, limit="no column is recognised as a receiver voltage", remedy=remedy)
     return {column.name: column for column in columns}
 

@@ -347,7 +347,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
     samples, provenance = part.samples, part.recording.provenance
     has, controls = _stated_lens(provenance, options, path)
     ambient_V = ambient_by_side(part.recording)
-    for sensor, receivers in by_sensor(samples.receivers, part.label, alone=files == 1).items():
+    for sensor, receivers in by_sensor(samples.receivers, part.label, single_file=files == 1).items():
         places = list(receivers.values())
         own = has if has is not None or not controls else True
         if controls & {sensor, sensor.rpartition(".")[2]}:

@@ -21,7 +21,7 @@ import numpy as np
 from solen.errors import DataError, SpecError
 from solen.ranks import Caution, note
 from solen.recording import Channel, Recording
-from solen.recording.words import AXES, heading, plain, quantity_of
+from solen.recording.headings import AXES, heading, plain, quantity_of
 from solen.spec.strict import Options
 from solen.units import factor
 

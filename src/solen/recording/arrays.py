@@ -1,8 +1,8 @@
-"""Recordings from named arrays, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
+"""Recordings from named arrays, as in MATLAB, LabVIEW, HDF5 and netCDF files.
 
 These files contain arrays, some of which share an axis. The most common array length is taken as the length of the
-recording; an array with that many rows gives a channel for each column; single numbers and texts are parameters. An
-array of another length is omitted and listed in a note, because its relation to the others is unknown.
+recording; an array with that many rows gives a channel for each column; single numbers and strings are parameters. An
+array of another length is omitted and named in a note, because its relation to the others is unknown.
 
 Public names: `Array` and `recorded`.
 """
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from solen.arrays import FloatArray
+from solen.recording.headings import heading
 from solen.recording.model import Channel, Recording
 from solen.recording.source import Source
-from solen.recording.table import along_axes, stated_provenance, unique
-from solen.recording.words import heading
+from solen.recording.table import along_axes, provenance_of, unique
 
 MAX_COLUMNS = 1000
 """Largest number of columns of an array that become channels."""
@@ -40,7 +40,7 @@ class Array:
 def recorded(
     source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str], names: Sequence[str] | None = None
 ) -> Recording:
-    """Make a recording from arrays that share an axis.
+    """Return a recording of arrays that share an axis.
 
     Parameters
     ----------
@@ -56,18 +56,18 @@ def recorded(
     DataError
         If no two arrays have the same length.
     """
-    held = _named(source, _plainly(arrays), names) if names else _plainly(arrays)
-    columns = [column for array in held for column in _columns(array)]
+    flattened = _named(source, _with_short_names(arrays), names) if names else _with_short_names(arrays)
+    columns = [column for array in flattened for column in _columns(array)]
     lengths = Counter(values.size for _, _, values in columns if values.size >= _MIN_LENGTH)
     if not lengths:
-        raise source.refused("", "contains no array of numbers", "export the signals as a table (CSV)")
+        raise source.error("", "contains no array of numbers", "export the signals as a table (CSV)")
     length = max(lengths, key=lambda size: (lengths[size], size))
-    whole = [column for column in columns if column[2].size == length]
-    others = sorted({name for name, _, values in columns if values.size not in {1, length}})
-    stated = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
-    note = f"arrays of a different length are omitted: {', '.join(others[:12])}" if others else ""
+    complete = [column for column in columns if column[2].size == length]
+    omitted = sorted({name for name, _, values in columns if values.size not in {1, length}})
+    parameters = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
+    note = f"arrays of a different length are omitted: {', '.join(omitted[:12])}" if omitted else ""
     channels = []
-    for name, (_, unit, values) in zip(unique([name for name, _, _ in whole]), whole, strict=True):
+    for name, (_, unit, values) in zip(unique([name for name, _, _ in complete]), complete, strict=True):
         head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
         channels.append(Channel(head.name, head.quantity, head.unit, values))
     channels = [
@@ -75,29 +75,28 @@ def recorded(
     ]
     if note:
         channels[0] = replace(channels[0], note=note)
-    instrument = next((value for key, value in stated.items() if key.casefold() in {"instrument", "device"}), "")
-    return Recording(tuple(along_axes(channels, ())), stated_provenance(source, kind, stated, instrument))
+    instrument = next((value for key, value in parameters.items() if key.casefold() in {"instrument", "device"}), "")
+    return Recording(tuple(along_axes(channels, ())), provenance_of(source, kind, parameters, instrument))
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """Return the only matrix with as many columns as there are names.
-
-    Raises `DataError` if no matrix or more than one has that many columns.
-    """
+    """Return the only matrix with as many columns as there are names; raise `DataError` if it is not the only one."""
     fitting = [array for array in arrays if np.ndim(array.values) == 2 and min(np.shape(array.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)
         limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it contains {shapes}"
-        raise source.refused("", limit, "give a name for each column of the matrix, in order")
+        raise source.error("", limit, "name each column of the matrix, in order")
     return [replace(fitting[0], columns=tuple(names))]
 
 
-def _plainly(arrays: Iterable[Array]) -> list[Array]:
-    """Shorten array paths to their last part, ``run.time_s`` to ``time_s``, if the last parts are unique."""
-    held = list(arrays)
-    last = [one.name.rpartition(".")[2] for one in held]
+def _with_short_names(arrays: Iterable[Array]) -> list[Array]:
+    """Return arrays named by the last part of their path, ``time_s`` for ``run.time_s``, if these names are unique."""
+    listed = list(arrays)
+    names = [array.name.rpartition(".")[2] for array in listed]
     return (
-        [replace(one, name=name) for one, name in zip(held, last, strict=True)] if len({*last}) == len(last) else held
+        [replace(array, name=name) for array, name in zip(listed, names, strict=True)]
+        if len({*names}) == len(names)
+        else listed
     )
 
 

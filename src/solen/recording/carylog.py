@@ -1,10 +1,10 @@
-"""The log that Cary's program writes after the numbers, with a block for each trace in the order of the traces.
+"""The log that the Cary program writes after the numbers, with a block for each trace in the order of the traces.
 
 A block begins with the trace name, on a separate line and repeated on the next; then come lines such as ``Instrument
 Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``. Settings shared by all blocks apply to
-the file, the others to single traces. Valid numbers are accepted even if the log cannot be interpreted.
+the file, the others to single traces. A file with valid numbers is accepted even if its log cannot be interpreted.
 
-`read` returns `Logs`; `ends` compares a trace with the range given in its log.
+`read` returns `Logs`; `range_notes` compares a trace with the range given in its log.
 """
 
 import re
@@ -17,15 +17,15 @@ from solen.arrays import FloatArray
 from solen.recording import dates
 
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
-_ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
+_BRACKETED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
-_MAX_LINE_LENGTH = 500  # most letters of a line that is a setting
+_MAX_LINE_LENGTH = 500  # maximum number of characters of a setting
 _COLLECTED = "Collection Time"
 
 
 @dataclass(frozen=True)
 class Logs:
-    """Content of the log: settings of the file and of each trace, and settings for every provenance record."""
+    """Content of the log: settings of the file and of each trace, the instrument, and the date."""
 
     shared: dict[str, str]
     of_traces: list[dict[str, str]]
@@ -34,7 +34,7 @@ class Logs:
 
 
 def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) -> Logs:
-    """Read the log in the rows after the numbers for the named traces."""
+    """Return the log of the named traces from the rows after the numbers."""
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
     settings = [_settings(block) for block in blocks]
@@ -43,26 +43,26 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
     }
     stamps = [setting[_COLLECTED] for setting in settings if _COLLECTED in setting]
     first = next((dates.iso(stamp, others=stamps) or stamp for stamp in stamps), "")
-    own = [{key: value for key, value in setting.items() if key not in shared} for setting in settings]
-    for one in own:
-        if date := dates.iso(one.get(_COLLECTED, ""), others=stamps):
-            one[_COLLECTED] = date
+    individual = [{key: value for key, value in setting.items() if key not in shared} for setting in settings]
+    for trace in individual:
+        if date := dates.iso(trace.get(_COLLECTED, ""), others=stamps):
+            trace[_COLLECTED] = date
     instrument = next((setting["Instrument"] for setting in settings if "Instrument" in setting), "")
-    return Logs(shared, own, instrument, first)
+    return Logs(shared, individual, instrument, first)
 
 
-def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
-    """Return remarks on traces that do not cover the range from start to stop given in their log."""
+def range_notes(log: dict[str, str], waves: FloatArray) -> list[str]:
+    """Return notes if a trace does not cover the range from start to stop in its log."""
     try:
         start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))
     except (KeyError, ValueError):
         return []
-    slack = 1.5 * max(step, float(np.max(np.abs(np.diff(waves)), initial=0.0)))
+    tolerance = 1.5 * max(step, float(np.max(np.abs(np.diff(waves)), initial=0.0)))
     low, high = sorted((start, stop))
     notes = []
-    if waves.min() - low > slack or high - waves.max() > slack:
-        reach = f"{waves[0]:g} to {waves[-1]:g} nm of {start:g} to {stop:g}"
-        notes.append(f"the scan contains {reach}: it was interrupted, or lines are missing")
+    if waves.min() - low > tolerance or high - waves.max() > tolerance:
+        covered = f"{waves[0]:g} to {waves[-1]:g} nm of the specified {start:g} to {stop:g} nm"
+        notes.append(f"the scan covers {covered}: it was interrupted, or lines are missing")
     return notes
 
 
@@ -71,22 +71,22 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
     rows: list[list[str]] = [[] for _ in names]
     trace = 0
     current: list[str] | None = None
-    before = True
+    after_empty = True
     for line in lines:
-        if before and line and trace < len(names) and line == names[trace].strip():
+        if after_empty and line and trace < len(names) and line == names[trace].strip():
             current = rows[trace]
             trace += 1
         elif current is not None and 0 < len(line) < _MAX_LINE_LENGTH:
             current.append(line)
-        before = not line
+        after_empty = not line
     return rows
 
 
 def _settings(block: list[str]) -> dict[str, str]:
-    """Return the settings of a block by name, including method changes."""
+    """Return the settings of a block, keyed by name, including changes of the method."""
     settings: dict[str, str] = {}
     for line in block:
-        for form in (_ANGLED, _COLON, _WIDE):
+        for form in (_BRACKETED, _COLON, _WIDE):
             match = form.fullmatch(line)
             if match and match[2].strip(" :"):
                 settings.setdefault(match[1].strip(), match[2].strip())

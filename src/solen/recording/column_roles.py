@@ -1,9 +1,8 @@
 """Column roles: find the time, angle, force, depth and receiver columns of a recording.
 
-A column named by an option takes precedence.
-
-Otherwise a header that names a quantity, gives a matching unit or follows the conventions of recorders (``ai0``,
-``PD2``) decides. These are tried in that order; if several columns remain, the user is asked to name one.
+A column named by an option takes precedence. Otherwise a header decides that names the quantity, contains a matching
+unit or follows the conventions of recorders (``ai0``, ``PD2``), tried in this order; if several columns remain, the
+user must name one.
 
 Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """
@@ -13,9 +12,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from solen.errors import DataError
+from solen.recording.headings import heading, plain
 from solen.recording.model import Channel, Recording
 from solen.recording.stimulus import STIMULI
-from solen.recording.words import heading, plain
 from solen.units import factor
 
 _TIMES = frozenset(
@@ -50,16 +49,16 @@ _NUMBERED = re.compile(
 """Names that recorders and users give to voltages: ai0, CH1, Voltage_0, PD2."""
 _NAMES = {"time": _TIMES, "angle": _ANGLES, "force": _FORCES, "depth": _DEPTHS}
 _QUANTITIES = {"depth": {"displacement", "crosshead"}}
-"""Header quantities that are accepted for another quantity, in addition to that quantity's own name."""
+"""Quantities of a header that are accepted for another quantity, in addition to that quantity itself."""
 ENDS_IN_V = re.compile(r"(?:_|\b)V$")
 """A name that ends in the unit V."""
 _COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
 """Companion columns of a receiver: uncertainty, subtracted ambient light, and clipping flag."""
-_TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
-_SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
-"""A receiver and side in one word: VL, PDR, Vleft."""
+_WORD_OR_NUMBER = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
+_SIDE_IN_WORD = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
+"""A receiver and its side in one word: VL, PDR, Vleft."""
 _SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
-_DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
+_SENSOR_AND_RECEIVER = re.compile(r"(.+)[.:/]([^.:/]+)")
 
 
 def column_of(recording: Recording, quantity: str) -> Channel | None:
@@ -71,10 +70,10 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
         If there are several candidates.
     """
     words = _ANGLE_WORDS if quantity == "angle" else frozenset({quantity})
-    meant = {quantity, *_QUANTITIES.get(quantity, ())}
+    quantities = {quantity, *_QUANTITIES.get(quantity, ())}
     columns = [column for column in recording.channels if not _is_another(column, quantity)]
     for candidates in (
-        [column for column in columns if column.quantity in meant],
+        [column for column in columns if column.quantity in quantities],
         [column for column in columns if plain(column.name) in _NAMES[quantity]],
         [column for column in columns if column.unit in _UNITS[quantity]],
         [column for column in columns if plain(column.name).startswith(quantity)],
@@ -83,15 +82,15 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
         if len(candidates) > 1:
             names = ", ".join(candidate.name for candidate in candidates)
             limit = f"{len(candidates)} columns may be the {quantity}: {names}"
-            named = STIMULI[quantity].column if quantity in STIMULI else quantity
-            raise DataError(recording.provenance.name, limit=limit, remedy=f"name one with --{named}")
+            option = STIMULI[quantity].column if quantity in STIMULI else quantity
+            raise DataError(recording.provenance.name, limit=limit, remedy=f"choose one with --{option}")
         if candidates:
             return candidates[0]
     return None
 
 
 def _is_another(column: Channel, quantity: str) -> bool:
-    """Whether a column's unit excludes the quantity; a position in mm, for example, is not an angle."""
+    """Return whether a column's unit excludes the quantity; a position in mm, for example, is not an angle."""
     wanted = {"angle": "mm", "depth": "deg"}.get(quantity)
     if quantity == "depth" and not column.unit:
         return True
@@ -110,31 +109,31 @@ def _volts_of_force(column: Channel) -> bool:
 
 
 def named_column(recording: Recording, name: str, option: str) -> Channel:
-    """Return the column with a name, with or without a unit.
+    """Return the column called ``name``, with or without a unit.
 
-    Raises `DataError` with a list of the columns if no column has that name.
+    Raise `DataError` with a list of the columns if there is none.
     """
     last = name.rpartition(".")[2]
     channel = recording.find(name, heading(name).name, last, heading(last).name)
     if channel is not None:
         return channel
-    text = recording.label(name, heading(name).name) is not None
-    limit = "the column contains words instead of numbers" if text else "no such column"
+    is_text = recording.label(name, heading(name).name) is not None
+    limit = "the column contains words instead of numbers" if is_text else "no such column"
     what = f"{recording.provenance.name}: {option} {name}"
-    raise DataError(what, limit=limit, remedy=existing(recording))
+    raise DataError(what, limit=limit, remedy=column_list(recording))
 
 
-def existing(recording: Recording) -> str:
-    """Return the columns of a recording as they are listed in errors."""
-    more = len(recording.names) - 12
-    return f"its columns are {', '.join(recording.names[:12])}" + (f" and {more} more" if more > 0 else "")
+def column_list(recording: Recording) -> str:
+    """Return the list of a recording's columns for errors."""
+    remaining = len(recording.names) - 12
+    return f"its columns are {', '.join(recording.names[:12])}" + (f" and {remaining} more" if remaining > 0 else "")
 
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
     """Return the receiver columns.
 
-    They are the columns in volts; else those without a unit named by a side or ending in V; else numbered columns
-    without a unit; else columns in any unit named by a side.
+    These are the columns in volts; otherwise those without a unit whose name contains a side or ends in V; otherwise
+    numbered columns without a unit; otherwise columns in any unit whose name contains a side.
     """
     columns = [column for column in columns if not is_companion(column.name)]
     in_volts = [
@@ -142,61 +141,64 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
         for column in columns
         if column.quantity == "voltage" or (column.unit and factor(column.unit, "V") is not None)
     ]
-    bare = [column for column in columns if not column.unit]
-    by_name = in_volts or [one for one in bare if ENDS_IN_V.search(one.name) or side_of(one.name)]
-    return by_name or [one for one in bare if _NUMBERED.fullmatch(one.name)] or _sided(columns)
+    unitless = [column for column in columns if not column.unit]
+    by_name = in_volts or [column for column in unitless if ENDS_IN_V.search(column.name) or side_of(column.name)]
+    return by_name or [column for column in unitless if _NUMBERED.fullmatch(column.name)] or _sided(columns)
 
 
 def _sided(columns: Sequence[Channel]) -> list[Channel]:
-    """Return the columns named by a side that have the same unit as the first such column."""
+    """Return the columns whose name contains a side and that have the unit of the first such column."""
     sided = [column for column in columns if side_of(column.name)]
-    return [one for one in sided if one.unit == sided[0].unit]
+    return [column for column in sided if column.unit == sided[0].unit]
 
 
 def unit_of(column: Channel) -> str:
-    """Return the unit given for a column, or V if its name ends in V (``left_V``); empty if there is neither."""
+    """Return the unit of a column, or V if its name ends in V (``left_V``); empty if there is neither."""
     return column.unit or ("V" if ENDS_IN_V.search(column.name) else "")
 
 
 def is_companion(name: str) -> bool:
-    """Whether a column accompanies a receiver column: its uncertainty, ambient light or clipping flag."""
+    """Return whether a column accompanies a receiver column: its uncertainty, ambient light or clipping flag."""
     return bool(_COMPANION.search(name))
 
 
-def companion(recording: Recording, channel: Channel, what: str) -> Channel | None:
+def companion(recording: Recording, channel: Channel, kind: str) -> Channel | None:
     """Return the column, ``ambient`` or ``clipped``, that accompanies a receiver column: ``left_ambient``."""
     name = ENDS_IN_V.sub("", channel.name)
-    return recording.find(f"{what}_{name}", f"{name}_{what}")
+    return recording.find(f"{kind}_{name}", f"{name}_{kind}")
 
 
 def side_of(name: str) -> str:
     """Return ``left`` or ``right`` from a receiver name (``ReceiverR``, ``V_L``, ``VL``); otherwise empty."""
-    words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
+    words = [
+        _SIDE_IN_WORD.sub(r"\1", word) if _SIDE_IN_WORD.fullmatch(word) else word
+        for word in _WORD_OR_NUMBER.findall(name)
+    ]
     sides = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
     return sides.pop() if len(sides) == 1 else ""
 
 
 def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
-    """Return the positions of the left and the right receiver; None unless there is exactly one of each."""
+    """Return the indices of the left and the right receiver; None unless there is exactly one of each."""
     sides = [side_of(name) for name in receivers]
     if sides.count("left") == 1 == sides.count("right"):
         return sides.index("left"), sides.index("right")
     return None
 
 
-def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
-    """Return each sensor's receivers with positions, from names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
+def by_sensor(names: Sequence[str], label: str, *, single_file: bool) -> dict[str, dict[str, int]]:
+    """Return the receivers of each sensor with their indices, from names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
 
-    ``label`` is the file's label; it precedes the sensor's name unless the file is ``alone``.
+    ``label`` is the file's label; it precedes the sensor's name unless there is a ``single_file``.
     """
-    matches = [_DOTTED.fullmatch(name) for name in names]
+    matches = [_SENSOR_AND_RECEIVER.fullmatch(name) for name in names]
     split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]
     if not any(matches):
         split = _by_side(names)
     sensors: dict[str, dict[str, int]] = {}
-    for place, (sensor, receiver) in enumerate(split):
-        full = label if not sensor else sensor if alone else f"{label}.{sensor}"
-        sensors.setdefault(full, {})[receiver] = place
+    for index, (sensor, receiver) in enumerate(split):
+        name = label if not sensor else sensor if single_file else f"{label}.{sensor}"
+        sensors.setdefault(name, {})[receiver] = index
     return sensors
 
 
@@ -205,8 +207,8 @@ def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
     split = [(_without_side(name), side_of(name)) for name in names]
     counts = Counter(split)
     sensors = {sensor for sensor, _ in split}
-    whole = all(counts[sensor, side] == 1 for sensor in sensors for side in ("left", "right"))
-    if len(sensors) > 1 and whole and len(names) == 2 * len(sensors):
+    complete = all(counts[sensor, side] == 1 for sensor in sensors for side in ("left", "right"))
+    if len(sensors) > 1 and complete and len(names) == 2 * len(sensors):
         return split
     return [("", name) for name in names]
 

@@ -1,6 +1,6 @@
 """Dates in the spellings used by instruments, converted to ISO 8601 if it is clear which number is the month.
 
-Public names: `iso`, `among` and `seconds`.
+Public names: `iso`, `date_of` and `seconds`.
 """
 
 import re
@@ -23,7 +23,7 @@ _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/tim
 
 
 def iso(text: str, *, others: Iterable[str] = ()) -> str:
-    """Return a date, with any time, in ISO 8601; empty if the text is no date or if day and month are ambiguous.
+    """Return a date, with its time if given, in ISO 8601; empty for another text or if day and month are ambiguous.
 
     ``others`` are dates from the same file, which may show the order of day and month.
     """
@@ -33,28 +33,27 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
     elif match := _GERMAN.fullmatch(text):
         day, month, year = (int(match[n]) for n in (1, 2, 3))
     elif match := _SLASHED.fullmatch(text):
-        first = _month_first([text, *others])
-        if first is None:
+        month_first = _month_first([text, *others])
+        if month_first is None:
             return ""
-        one, two, year = (int(match[n]) for n in (1, 2, 3))
-        month, day = (one, two) if first else (two, one)
+        first_number, second_number, year = (int(match[n]) for n in (1, 2, 3))
+        month, day = (first_number, second_number) if month_first else (second_number, first_number)
     else:
         return ""
-    return _written(year, month, day, match)
+    return _iso(year, month, day, match)
 
 
-def among(metadata: Mapping[str, str]) -> str:
-    """Return the date among a file's parameters, in ISO 8601 if unambiguous, otherwise as written in the file."""
-    stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
-    return iso(stated) or stated
+def date_of(metadata: Mapping[str, str]) -> str:
+    """Return the date in a file's metadata, in ISO 8601 if unambiguous, otherwise as written in the file."""
+    written = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
+    return iso(written) or written
 
 
 def seconds(cells: Sequence[str]) -> FloatArray | None:
-    """Convert clock times, with or without dates, to seconds since midnight of the first day.
+    """Return clock times, with or without dates, in seconds since midnight of the first day; None for other cells.
 
-    The result is None if a cell is not a time.
-
-    If times without a date decrease by more than half a day, midnight has passed. An empty cell becomes NaN.
+    A decrease of times without a date by more than half a day means that midnight has passed. An empty cell becomes
+    NaN.
     """
     parts = [_STAMP.fullmatch(cell) if cell else None for cell in cells]
     if not any(parts) or any(cell and part is None for cell, part in zip(cells, parts, strict=True)):
@@ -64,45 +63,47 @@ def seconds(cells: Sequence[str]) -> FloatArray | None:
     if any(day is None for day in days.values()) and len(days) > 1:
         return None
     origin = min((day for day in days.values() if day is not None), default=0)
-    found = np.array([np.nan if part is None else _clock_s(part) for part in parts])
-    found += [0.0 if part is None else 86400.0 * ((days[part[1] or ""] or origin) - origin) for part in parts]
+    times_s = np.array([np.nan if part is None else _clock_s(part) for part in parts])
+    times_s += [0.0 if part is None else 86400.0 * ((days[part[1] or ""] or origin) - origin) for part in parts]
     if texts == {""}:
-        steps = np.diff(found)
-        found[1:] += 86400.0 * np.cumsum(np.nan_to_num(steps) < -43200.0)
-    return found
+        steps = np.diff(times_s)
+        times_s[1:] += 86400.0 * np.cumsum(np.nan_to_num(steps) < -43200.0)
+    return times_s
 
 
 def _day(text: str, others: Iterable[str]) -> int | None:
-    """Return the ordinal of a day; None if the text is no date or the month is ambiguous."""
-    stated = iso(text, others=others) if text else ""
-    return date.fromisoformat(stated[:10]).toordinal() if stated else None
+    """Return the ordinal of a day; None if the string is not a date or the month is ambiguous."""
+    date_iso = iso(text, others=others) if text else ""
+    return date.fromisoformat(date_iso[:10]).toordinal() if date_iso else None
 
 
 def _clock_s(part: re.Match[str]) -> float:
-    half = (part[6] or "").lower().replace(".", "")
-    hour = int(part[2]) % 12 + 12 * (half == "pm") if half else int(part[2])
+    meridiem = (part[6] or "").lower().replace(".", "")
+    hour = int(part[2]) % 12 + 12 * (meridiem == "pm") if meridiem else int(part[2])
     return 3600.0 * hour + 60.0 * int(part[3]) + int(part[4]) + float(f"0.{part[5] or 0}")
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:
-    """Whether the month comes first in dates with slashes, as shown by a number above 12 or a 12-hour clock."""
-    found = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
-    if any(int(match[2]) > 12 for match in found):
+    """Return whether dates with slashes begin with the month, from a number above 12 or a 12-hour clock; else None."""
+    matches = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
+    if any(int(match[2]) > 12 for match in matches):
         return True
-    if any(int(match[1]) > 12 for match in found):
+    if any(int(match[1]) > 12 for match in matches):
         return False
-    american = any(match[7] and len(match[2]) == 1 for match in found)  # others with AM and PM write 06 for a month
-    return True if american else None
+    twelve_hour = any(
+        match[7] and len(match[2]) == 1 for match in matches
+    )  # other countries with AM and PM write months with two digits
+    return True if twelve_hour else None
 
 
-def _written(year: int, month: int, day: int, match: re.Match[str]) -> str:
+def _iso(year: int, month: int, day: int, match: re.Match[str]) -> str:
     hour, minute, second = (int(match[n] or 0) for n in (4, 5, 6))
-    half = (match[7] or "").lower().replace(".", "")
-    if half and not 1 <= hour <= 12:
+    meridiem = (match[7] or "").lower().replace(".", "")
+    if meridiem and not 1 <= hour <= 12:
         return ""
-    hour = hour % 12 + 12 * (half == "pm") if half else hour
+    hour = hour % 12 + 12 * (meridiem == "pm") if meridiem else hour
     try:
-        when = datetime(year, month, day, hour, minute, second)
+        moment = datetime(year, month, day, hour, minute, second)
     except ValueError:
         return ""
-    return when.isoformat() if match[4] else when.date().isoformat()
+    return moment.isoformat() if match[4] else moment.date().isoformat()

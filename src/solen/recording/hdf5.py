@@ -1,10 +1,10 @@
 """HDF5 files (netCDF-4, MATLAB 7.3 and files from scripts) read with h5py (extra ``netcdf``); netCDF-3 with scipy.
 
-Datasets become arrays named by their path. netCDF gives the unit of each dataset (``units``) and the meaning of a
-table's columns (the coordinate of its second dimension); attributes become parameters.
+Datasets become arrays named after their paths. netCDF contains the unit of each dataset (``units``) and the column
+names of a table (the coordinate of its second dimension); attributes become parameters.
 
-A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. Large
-files are never loaded into memory completely.
+A file with a time in each of several groups contains several recordings; solen bench writes one for each sensor. Files
+are never loaded into memory completely.
 
 Public names: `groups`, `read`, `is_netcdf3` and `read_netcdf3`.
 """
@@ -22,12 +22,12 @@ from solen.errors import DataError
 from solen.extras import need
 from solen.files import check_seal
 from solen.recording.arrays import Array, recorded
+from solen.recording.headings import heading
 from solen.recording.model import Recording
 from solen.recording.source import Source
-from solen.recording.words import heading
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
-_STARTS = (0, 512, 1024, 2048)  # a MATLAB 7.3 file has its own header before it
+_STARTS = (0, 512, 1024, 2048)  # MATLAB 7.3 files have their own header before it
 _CLASSIC = (b"CDF\x01", b"CDF\x02")
 
 
@@ -41,7 +41,7 @@ class Stored(Source):
 
     @property
     def sha256(self) -> str:
-        """Return the checksum of the file, read block by block."""
+        """Checksum of the file, which is read block by block."""
         return self._hashed
 
 
@@ -49,25 +49,25 @@ def stored(path: Path) -> Stored | None:
     """Return the file if it is HDF5, with or without MATLAB's header; None if it is not or cannot be read."""
     try:
         with path.open("rb") as file:
-            begin = file.read(_STARTS[-1] + len(_MAGIC))
+            beginning = file.read(_STARTS[-1] + len(_MAGIC))
     except (OSError, ValueError):
         return None
-    is_one = any(begin[start : start + len(_MAGIC)] == _MAGIC for start in _STARTS)
-    return Stored(path, begin) if is_one else None
+    is_hdf5 = any(beginning[start : start + len(_MAGIC)] == _MAGIC for start in _STARTS)
+    return Stored(path, beginning) if is_hdf5 else None
 
 
 def is_netcdf3(source: Source) -> bool:
-    """Whether a file is in classic netCDF format."""
+    """Return whether a file is in classic netCDF format."""
     return source.data.startswith(_CLASSIC)
 
 
 def groups(source: Source) -> tuple[str, ...]:
-    """Return the names of the groups with a time; none for MATLAB files, in which groups are structures."""
+    """Return the names of the groups with a time; none for MATLAB files, whose groups are structures."""
     if source.data.startswith(b"MATLAB"):
         return ()
     with _opened(source) as file:
         try:
-            return tuple(name for name, one in file.items() if hasattr(one, "items") and any(map(_is_time, one)))
+            return tuple(name for name, item in file.items() if hasattr(item, "items") and any(map(_is_time, item)))
         except Exception as bad:  # h5py may raise any exception at a damaged file
             raise _damaged(source, bad) from None
 
@@ -79,15 +79,15 @@ def _is_time(name: str) -> bool:
 def read(source: Source, group: str = "") -> Recording:
     """Read an HDF5 file or one of its groups.
 
-    Raises `DataError` if h5py is not installed, or if the file is damaged or contains no numeric arrays.
+    Raise `DataError` if h5py is not installed, or if the file is damaged or contains no numeric arrays.
     """
     arrays: list[Array] = []
     metadata: dict[str, str] = {}
     try:
         with _opened(source) as file:
-            part = file[group] if group else file
-            metadata |= _attributes(file.attrs) | _attributes(part.attrs)
-            part.visititems(lambda name, one: _visit(name, one, arrays, metadata))
+            selected = file[group] if group else file
+            metadata |= _attributes(file.attrs) | _attributes(selected.attrs)
+            selected.visititems(lambda name, item: _visit(name, item, arrays, metadata))
     except DataError:
         raise
     except Exception as bad:  # h5py may raise any exception at a damaged file
@@ -107,9 +107,9 @@ def _opened(source: Source) -> Any:
 
 
 def _check_length(source: Source, length: int) -> None:
-    """Raise `DataError` if the file is longer than its header specifies, since added bytes make all numbers wrong.
+    """Raise `DataError` if the file is longer than its header specifies, because added bytes may change all numbers.
 
-    The seal is not counted, and the library rejects a file that is too short. Offsets from the HDF5 File Format
+    The seal is not counted, and h5py rejects a file that is too short. Offsets from the HDF5 File Format
     Specification, versions 0 to 3.
     """
     start = next(start for start in _STARTS if source.data[start : start + len(_MAGIC)] == _MAGIC)
@@ -124,45 +124,48 @@ def _check_length(source: Source, length: int) -> None:
         limit = (
             f"is {length - end} bytes longer than its header specifies: bytes were added, or the file was never closed"
         )
-        raise source.refused("", limit, "export it again, or repair it with h5clear --increment=0")
+        raise source.error("", limit, "export it again, or repair it with h5clear --increment=0")
 
 
 def _damaged(source: Source, bad: Exception) -> DataError:
-    return source.refused("", f"is a damaged HDF5 file: {' '.join(str(bad).split())[:80]}", "export it again")
+    return source.error("", f"is a damaged HDF5 file: {' '.join(str(bad).split())[:80]}", "export it again")
 
 
-def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -> None:
-    """Collect a dataset; MATLAB stores texts as numbers, and internal tables in groups whose names begin with ``#``."""
-    if not hasattr(one, "shape") or name.startswith("#"):
+def _visit(name: str, dataset: Any, arrays: list[Array], metadata: dict[str, str]) -> None:
+    """Add a dataset to ``arrays`` or ``metadata``.
+
+    MATLAB stores strings as numbers, and internal tables in groups whose names begin with ``#``.
+    """
+    if not hasattr(dataset, "shape") or name.startswith("#"):
         return
-    attributes = _attributes(one.attrs)
+    attributes = _attributes(dataset.attrs)
     if attributes.get("MATLAB_class") == "char":
-        metadata[name.replace("/", ".")] = "".join(map(chr, np.asarray(one[()]).ravel().tolist()))
-    elif one.shape == () and one.dtype.kind in "SO":
-        metadata[name.replace("/", ".")] = _text(one[()])
-    elif one.dtype.kind in "biuf" and len(one.shape) <= 2:
+        metadata[name.replace("/", ".")] = "".join(map(chr, np.asarray(dataset[()]).ravel().tolist()))
+    elif dataset.shape == () and dataset.dtype.kind in "SO":
+        metadata[name.replace("/", ".")] = _text(dataset[()])
+    elif dataset.dtype.kind in "biuf" and len(dataset.shape) <= 2:
         unit = attributes.get("units", attributes.get("unit", ""))
-        arrays.append(Array(name.replace("/", "."), one[()], unit, _names(one)))
+        arrays.append(Array(name.replace("/", "."), dataset[()], unit, _names(dataset)))
 
 
-def _names(one: Any) -> tuple[str, ...]:
-    """Return the column names of a table if its second dimension has a text coordinate."""
-    if len(one.shape) != 2:
+def _names(dataset: Any) -> tuple[str, ...]:
+    """Return the column names of a table: a coordinate of its second dimension that contains strings."""
+    if len(dataset.shape) != 2:
         return ()
-    for scale in one.dims[1].values():
+    for scale in dataset.dims[1].values():
         if scale.dtype.kind in "SO":
             return tuple(_text(value) for value in scale[()])
     return ()
 
 
 def _attributes(attributes: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attributes that are texts or single numbers."""
-    found = {}
+    """Return the attributes that are strings or single numbers."""
+    kept = {}
     for key, value in attributes.items():
-        plain = np.asarray(value)
-        if plain.size == 1 and plain.dtype.kind in "SUOiuf" and not key.startswith("_"):
-            found[key] = _text(plain.ravel()[0])
-    return found
+        array = np.asarray(value)
+        if array.size == 1 and array.dtype.kind in "SUOiuf" and not key.startswith("_"):
+            kept[key] = _text(array.ravel()[0])
+    return kept
 
 
 def _text(value: Any) -> str:
@@ -186,10 +189,10 @@ def read_netcdf3(source: Source) -> Recording:
                 (variable.data[-1:] if variable.isrec else variable.data).tobytes()
                 for variable in file.variables.values()
             ]
-            whole = len(source.data)
-            if not any(source.data[: whole - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
+            size = len(source.data)
+            if not any(source.data[: size - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
                 raise ValueError("extra bytes at the end: no array ends with the file")
     except Exception:  # scipy may raise any exception at a damaged file
         limit = "is a damaged netCDF file"
-        raise source.refused("", limit, "export it again") from None
+        raise source.error("", limit, "export it again") from None
     return recorded(source, "netcdf", arrays, metadata)

@@ -41,7 +41,7 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
     Raises
     ------
     SpecError
-        If the pattern has no field or contains a field twice.
+        If the pattern has no field, or the same field twice.
     DataError
         If the name does not match.
     """
@@ -49,27 +49,27 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
     depth = pattern.count("/") + 1
     name = "/".join(path.parts[-depth:])
     stem = name[: -len(path.suffix)] if path.suffix and not pattern.endswith(path.suffix) else name
-    found = expression.fullmatch(name) or expression.fullmatch(stem)
-    if found is None:
+    match = expression.fullmatch(name) or expression.fullmatch(stem)
+    if match is None:
         remedy = "correct --pattern, or rename the file; a field is written as in {sensor}_{lens}_{run}.csv"
-        raise DataError(str(path), limit=f"is not named as in {pattern}", remedy=remedy)
-    return dict(zip(fields, found.groups(), strict=True))
+        raise DataError(str(path), limit=f"does not match the pattern {pattern}", remedy=remedy)
+    return dict(zip(fields, match.groups(), strict=True))
 
 
 def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
     fields = _FIELD.findall(pattern)
-    bad = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
-    if not fields or bad is not None:
-        limit = "has no field" if bad is None else f"has the field {{{bad}}}, which is not a single name"
+    invalid = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
+    if not fields or invalid is not None:
+        limit = "has no field" if invalid is None else f"has the field {{{invalid}}}, which is not a single name"
         remedy = "write a field as in {sensor}_{lens}_{run}.csv"
         raise SpecError("--pattern", value=pattern, limit=limit, remedy=remedy)
     parts = _FIELD.split(pattern)
-    texts = [re.escape(part).replace(r"\*", "[^/]*") for part in parts[::2]]
-    return re.compile("([^/]+?)".join(texts)), fields
+    literals = [re.escape(part).replace(r"\*", "[^/]*") for part in parts[::2]]
+    return re.compile("([^/]+?)".join(literals)), fields
 
 
 def has_lens(word: str) -> bool:
-    """Whether a label means that there is a lens; raise `DataError` for a word that means neither."""
+    """Return whether a label means that there is a lens; raise `DataError` for a word that means neither."""
     plain = re.sub(r"[\W_]+", "", word).casefold()
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH

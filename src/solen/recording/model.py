@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.ranks import NOTE, Caution, note, prefixed, rank_of
-from solen.recording.words import plain
+from solen.recording.headings import plain
 from solen.results import Result, reported
 from solen.units import factor
 
@@ -28,7 +28,7 @@ class Channel(Result):
     Attributes
     ----------
     name
-        Unique within the recording: a name that occurs twice in a file gets a number, ``sample (2)``.
+        Name, unique within the recording: a name that occurs twice in a file is numbered, ``sample (2)``.
     quantity
         The standard name of the quantity: ``transmittance``, ``force``; empty if the file does not give it.
     unit
@@ -56,19 +56,19 @@ class Channel(Result):
         scale = factor(self.unit, unit)
         if scale is None:
             limit = f"cannot be converted to {unit}"
-            remedy = f"give its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
+            remedy = f"specify its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
             raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
         return self.values * scale
 
     @property
-    def remark(self) -> Caution:
-        """Return the note as a warning with the channel's name."""
+    def caution(self) -> Caution:
+        """The note as a warning that names the channel."""
         return prefixed(self.name, Caution(self.note))
 
     def noted(self, *notes: str) -> "Channel":
         """Return a copy with further notes; empty notes are omitted."""
-        every = sorted(filter(None, (self.note, *notes)), key=lambda one: rank_of(one) == NOTE)
-        return replace(self, note="; ".join(every))
+        ordered = sorted(filter(None, (self.note, *notes)), key=lambda text: rank_of(text) == NOTE)
+        return replace(self, note="; ".join(ordered))
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Measured(Result, kw_only=True):
     sources
         The files.
     warnings
-        Warnings as sentences.
+        Warnings about the result.
     """
 
     sources: tuple[Provenance, ...] = ()
@@ -133,8 +133,8 @@ class Recording(Result):
     provenance
         The origin of the numbers.
     texts
-        Text columns, and number columns that label rows (replicate, orientation), by name: a text for each row, empty
-        if missing.
+        Text columns, and columns of numbers that label rows (replicate, orientation), keyed by name: a string for each
+        row, empty if missing.
     """
 
     channels: tuple[Channel, ...]
@@ -147,12 +147,12 @@ class Recording(Result):
         return tuple(channel.name for channel in self.channels)
 
     def channel(self, name: str) -> Channel:
-        """Return the channel with a name; raise `DataError` with the nearest name if no channel has that name."""
+        """Return the channel called ``name``; raise `DataError` with the most similar name if there is none."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
-        near = difflib.get_close_matches(name, self.names, 1)
-        remedy = f"did you mean {near[0]}?" if near else f"there are {_listed(self.names)}"
+        similar = difflib.get_close_matches(name, self.names, 1)
+        remedy = f"did you mean {similar[0]}?" if similar else f"name one of {_listed(self.names)}"
         raise DataError(f"trace {name}", limit=f"not in {self.provenance.file or 'the recording'}", remedy=remedy)
 
     def find(self, *names: str) -> Channel | None:
@@ -174,10 +174,7 @@ class Recording(Result):
         return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:
-        """Return the first text column with one of the given names, compared as in `find`.
-
-        The result is None if there is no such column.
-        """
+        """Return the first text column with one of the names, compared as in `find`; None if there is none."""
         for name in names:
             for column, texts in self.texts.items():
                 if plain(name) == plain(column):
@@ -186,9 +183,9 @@ class Recording(Result):
 
     @property
     def warnings(self) -> list[Caution]:
-        """Warnings about the numbers: a sentence for each channel that has a note."""
-        return [channel.remark for channel in self.channels if channel.note]
+        """Warnings about the numbers: one for each channel that has a note."""
+        return [channel.caution for channel in self.channels if channel.note]
 
 
-def _listed(names: tuple[str, ...], most: int = 12) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _listed(names: tuple[str, ...], max_names: int = 12) -> str:
+    return ", ".join(names[:max_names]) + (f" and {len(names) - max_names} more" if len(names) > max_names else "")

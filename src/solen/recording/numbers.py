@@ -1,9 +1,9 @@
-"""Numbers as written in files: which texts are numbers, and which decimal mark they use.
+"""Numbers as written in files: which strings are numbers, and with which decimal mark.
 
-A text is a number only if every character belongs to it. Texts that a lenient reader would accept (``1_000``, ``nan``,
-``0x1F``, Arabic digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. Because an instrument always writes
-numbers in the same form, its numbers must follow a stricter form: no leading zeros, no plus sign, digits on both sides
-of the decimal mark, and one digit before the mark if a power of ten follows.
+A string is a number only if every character belongs to it. Strings that a lenient reader would accept (``1_000``,
+``nan``, ``0x1F``, Arabic digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. Numbers written by
+instruments must have a stricter form: no leading zeros, no plus sign, digits on both sides of the decimal mark, and one
+digit before the mark if a power of ten follows.
 
 Public names: `is_number`, `is_missing`, `all_numbers`, `parse` and `digits`.
 """
@@ -13,28 +13,28 @@ import re
 from collections.abc import Sequence
 
 _NUMBER = re.compile(r"[+\-−–]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
-_MACHINE = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+)?[eE][+-]?[0-9]{1,3})")
+_MACHINE_NUMBER = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+)?[eE][+-]?[0-9]{1,3})")
 _NUMBERS = re.compile(rf"(?:{_NUMBER.pattern}\n)*+{_NUMBER.pattern}")
-_MACHINES = re.compile(rf"(?:(?:{_MACHINE.pattern})\n)*+(?:{_MACHINE.pattern})")
+_MACHINE_NUMBERS = re.compile(rf"(?:(?:{_MACHINE_NUMBER.pattern})\n)*+(?:{_MACHINE_NUMBER.pattern})")
 _MANTISSA = re.compile(r"([0-9]*)(?:[.,]([0-9]*))?(?:[eE].*)?")
-_EXACT = 15  # further digits come from the binary number, not from a measurement
+_MAX_DIGITS = 15  # further digits come from the binary number, not from a measurement
 _MISSING = {"", "nan", "n/a", "#n/a", "na", "null", "none", "nicht bekannt", "unknown"}
 _MINUS = str.maketrans({"−": "-", "–": "-"})
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number with a decimal point or a decimal comma."""
+    """Return whether a cell is a number with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell) is not None
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell is empty or marks a missing number."""
+    """Return whether a cell is empty or marks a missing number."""
     return not cell or cell.lower() in _MISSING
 
 
 def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
-    """Whether all cells are numbers; with ``machine``, only in the form used by instruments."""
-    return bool(cells) and (_MACHINES if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
+    """Return whether all cells are numbers; with ``machine``, in the form used by instruments."""
+    return bool(cells) and (_MACHINE_NUMBERS if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
 
 
 def parse(cell: str, mark: str, *, machine: bool = False) -> float:
@@ -45,13 +45,13 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
     mark
         Decimal mark, ``.`` or ``,``.
     machine
-        Whether an instrument wrote the number, so that it must have the form used by instruments.
+        Whether the number must have the form used by instruments.
     """
     if is_missing(cell):
         return math.nan
     plain = cell if cell.isascii() else cell.translate(_MINUS)
-    if not (_MACHINE if machine else _NUMBER).fullmatch(plain):
-        raise ValueError(_complaint(plain, mark))
+    if not (_MACHINE_NUMBER if machine else _NUMBER).fullmatch(plain):
+        raise ValueError(_reason(plain, mark))
     if mark == ",":
         if "." in plain:
             raise ValueError("has a decimal point, but other numbers have decimal commas")
@@ -65,19 +65,19 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
 
 
 def digits(cell: str) -> tuple[int, int]:
-    """Return the counts of significant digits and of decimals in a written number."""
-    size = cell.lstrip("+-−–")
-    match = _MANTISSA.fullmatch(size)
+    """Return the numbers of significant digits and of decimals of a written number."""
+    mantissa = cell.lstrip("+-−–")
+    match = _MANTISSA.fullmatch(mantissa)
     if not match:
         return 0, 0
-    before, after = match[1], match[2] or ""
-    significant = (before + after).lstrip("0")
-    if len(significant) > _EXACT:  # 53.064991000000006 is 53.064991
-        return digits(f"{float(size.replace(',', '.')):.{_EXACT}g}")
-    return len(significant), len(after)
+    integer, decimals = match[1], match[2] or ""
+    significant = (integer + decimals).lstrip("0")
+    if len(significant) > _MAX_DIGITS:  # 53.064991000000006 is 53.064991
+        return digits(f"{float(mantissa.replace(',', '.')):.{_MAX_DIGITS}g}")
+    return len(significant), len(decimals)
 
 
-def _complaint(cell: str, mark: str) -> str:
+def _reason(cell: str, mark: str) -> str:
     if _NUMBER.fullmatch(cell):
         return "is not in the form in which instruments write numbers"
     other = "," if mark == "." else "."

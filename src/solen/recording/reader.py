@@ -1,4 +1,4 @@
-"""Read a file written by an instrument or a person; the format is detected from the content, never from the name.
+"""Readers of files by instruments and people; the format is detected from the content, never from the name.
 
 Public names: `read` and `read_parts`.
 """
@@ -13,7 +13,6 @@ from solen.recording import (
     cary,
     hdf5,
     jcamp,
-    layout,
     lvm,
     matlab,
     spc,
@@ -26,15 +25,16 @@ from solen.recording import (
 )
 from solen.recording.grid import Grid, of_text
 from solen.recording.large_table import read_large
+from solen.recording.layout import Layout, find_layout
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
 
-_HEAD = 200  # rows that contain a program's header
+_HEADER_ROWS = 200  # number of rows searched for a program's header
 
 
 @dataclass(frozen=True)
 class Format:
-    """Functions that recognise and read files in a format by content; each returns None for other files.
+    """Functions that read files in a format, recognised by content; each returns None for other files.
 
     Attributes
     ----------
@@ -57,11 +57,11 @@ def _cary(grid: Grid) -> Recording | None:
 
 
 def _test(grid: Grid) -> Recording | None:
-    if not any(testxpert.mentioned(cell) for cells in grid.rows[:_HEAD] for cell in cells):
+    if not any(testxpert.is_characteristic(cell) for cells in grid.rows[:_HEADER_ROWS] for cell in cells):
         return None
-    place = layout.find(grid)
-    program = testxpert.program(grid, place)
-    return testxpert.read(grid, place, program) if program else None
+    layout = find_layout(grid)
+    program = testxpert.program(grid, layout)
+    return testxpert.read(grid, layout, program) if program else None
 
 
 FORMATS = registry.Registry(
@@ -79,7 +79,7 @@ FORMATS = registry.Registry(
     },
     Format,
 )
-"""Formats by name; formats from other packages are tried first, and a file in an unknown format is read as a table."""
+"""Formats, keyed by name; those of other packages are tried first, and an unknown format is read as a table."""
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
@@ -121,59 +121,65 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
 def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
     """Return the recordings in a file, named by specimen if there are several."""
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
-    named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
-    if named is not None:
+    recording = next(filter(None, (known.from_arrays(source, columns) for known in formats)), None)
+    if recording is not None:
         _check_arrays(source, sheet, None)
-        return [("", named)]
-    arrays = next(filter(None, (one.from_bytes(source) for one in formats)), None)
-    if arrays is not None:
+        return [("", recording)]
+    recording = next(filter(None, (known.from_bytes(source) for known in formats)), None)
+    if recording is not None:
         _check_arrays(source, sheet, columns)
-        return [("", arrays)]
-    quick = read_large(source, columns) if sheet is None else None
-    if quick is not None:
-        return [("", quick)]
+        return [("", recording)]
+    recording = read_large(source, columns) if sheet is None else None
+    if recording is not None:
+        return [("", recording)]
+    return _tables(_grid(source, sheet), formats, columns)
+
+
+def _grid(source: Source, sheet: str | None) -> Grid:
+    """Return the cells of a text file or worksheet."""
     if source.is_archive or source.is_old_workbook:
-        grid = workbook.grid(source, sheet)
-    else:
-        if sheet is not None:
-            raise source.refused("", "is not a workbook and has no worksheets", "omit the sheet", sheet)
-        grid = of_text(source)
-    several = specimens.specimens(grid) if columns is None else []
-    if several:
-        return [(one.name, _of_table(one.grid, one.place)) for one in several]
-    known = (one.from_cells(grid) for one in formats) if columns is None else ()
-    found = next(filter(None, known), None)
-    return [("", found if found is not None else table.read(grid, layout.find(grid, columns)))]
+        return workbook.grid(source, sheet)
+    if sheet is not None:
+        raise source.error("", "is not a workbook and has no worksheets", "omit the sheet", sheet)
+    return of_text(source)
 
 
-def _of_table(grid: Grid, place: layout.Layout) -> Recording:
-    return testxpert.read(grid, place, testxpert.program(grid, place) or "test-machine")
+def _tables(grid: Grid, formats: Sequence[Format], columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
+    """Return the recordings in cells; a table of unknown format is read as a plain one."""
+    if columns is not None:
+        return [("", table.read(grid, find_layout(grid, columns)))]
+    if parts := specimens.specimens(grid):
+        return [(specimen.name, _of_table(specimen.grid, specimen.layout)) for specimen in parts]
+    recording = next(filter(None, (known.from_cells(grid) for known in formats)), None)
+    return [("", recording if recording is not None else table.read(grid, find_layout(grid)))]
+
+
+def _of_table(grid: Grid, layout: Layout) -> Recording:
+    return testxpert.read(grid, layout, testxpert.program(grid, layout) or "test-machine")
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
-    """Raise `DataError` if table options are given for a file of arrays."""
+    """Raise `DataError` if options for tables are specified for a file of arrays."""
     if sheet is not None or columns is not None:
-        raise source.refused("", "has named columns and no worksheets", "omit sheet and columns")
+        raise source.error("", "has named columns and no worksheets", "omit sheet and columns")
 
 
 def read_parts(
     path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None
 ) -> Iterator[tuple[str, Recording]]:
-    """Return the recordings in a file with their names.
+    """Yield the name and the recording of each part of a file.
 
-    An HDF5 file contains a recording for each group with a time, and an export from a test machine one for each
-    specimen.
-
-    The name is empty if the file is a single recording.
+    The parts of an HDF5 file are its groups with a time, those of an export from a test machine its specimens. The name
+    is empty if the file is a single recording.
     """
-    large = hdf5.stored(Path(path))
-    names = hdf5.groups(large) if large is not None else ()
-    if large is None:
+    stored = hdf5.stored(Path(path))
+    names = hdf5.groups(stored) if stored is not None else ()
+    if stored is None:
         yield from _parts(load(Path(path)), sheet, columns)
         return
     if not names:
         yield "", read(path, sheet=sheet, columns=columns)
         return
-    _check_arrays(large, sheet, columns)
+    _check_arrays(stored, sheet, columns)
     for name in names:
-        yield name, hdf5.read(large, name)
+        yield name, hdf5.read(stored, name)

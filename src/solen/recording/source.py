@@ -1,7 +1,7 @@
-"""A file's bytes, checksum and text, which every reader uses first.
+"""The bytes, checksum and text of a file.
 
-Only valid text is accepted as text. Bytes that no instrument program writes, text that is UTF-8 in some places only,
-and control characters show that the file is damaged or of another kind; such a file is rejected with the line.
+Only valid text is accepted. Bytes that no instrument program writes, text that is only partly UTF-8, and control
+characters show that the file is damaged or of another kind; it is rejected with the line.
 
 Public names: `load` and `Source`.
 """
@@ -15,22 +15,20 @@ from solen.errors import DataError
 from solen.files import read_bytes
 
 MAX_MB = 100
-"""Largest file size in MB: no supported instrument exports a larger file, and reading one would exhaust a laptop's
-memory.
-"""
+"""Largest file size in MB: no supported instrument exports larger files, and reading them could exhaust the memory."""
 
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
-_OTHERS = {
+_OTHER_FORMATS = {
     b"SOLENJ": (
         "the journal of a run",
-        "close it with solen bench recover, and use the recording written by that command",
+        "close it with solen bench recover, and use the recording that this command writes",
     ),
     b"%PDF": ("a PDF", "export a table from the program that wrote it"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
     b"\x89PNG": ("an image", "use the table from which the figure was drawn"),
     b"\xff\xd8\xff": ("an image", "use the table from which the figure was drawn"),
 }
-_NAMED = {
+_BINARY_FORMATS = {
     ".nc": "a netCDF",
     ".h5": "an HDF5",
     ".hdf5": "an HDF5",
@@ -50,7 +48,7 @@ class Source:
     Attributes
     ----------
     path
-        Path as given by the user.
+        Path as specified by the user.
     data
         Bytes of the file.
     """
@@ -75,19 +73,19 @@ class Source:
 
     @property
     def is_old_workbook(self) -> bool:
-        """Whether the file is a compound file, as an .xls is."""
+        """Whether the file is an OLE compound file, as an .xls workbook is."""
         return self.data.startswith(_OLE)
 
     @property
     def padding(self) -> int:
         """Number of NUL bytes after the last line of text, left by a logger that reserves space."""
-        kept = self.data.rstrip(b"\0")
-        reserved = kept.endswith((b"\n", b"\r")) and b"\0" not in kept
-        return len(self.data) - len(kept) if reserved else 0
+        content = self.data.rstrip(b"\0")
+        reserved = content.endswith((b"\n", b"\r")) and b"\0" not in content
+        return len(self.data) - len(content) if reserved else 0
 
-    def refused(self, place: str, limit: str, remedy: str, value: object = None) -> DataError:
-        """Return an error that names the file and the position in it."""
-        return DataError(f"{self.path}{', ' if place else ''}{place}", value=value, limit=limit, remedy=remedy)
+    def error(self, location: str, limit: str, remedy: str, value: object = None) -> DataError:
+        """Return an error that names the file and a location in it."""
+        return DataError(f"{self.path}{', ' if location else ''}{location}", value=value, limit=limit, remedy=remedy)
 
     def lines(self) -> list[str]:
         """Return the lines of the text without line breaks; the last one is empty if the text ends with a break."""
@@ -102,17 +100,17 @@ class Source:
 
     def _not_text(self, line: int, limit: str, remedy: str) -> DataError:
         """Return the error for bytes that are neither text nor in the format suggested by the file name."""
-        kind = _NAMED.get(self.path.suffix.lower())
+        kind = _BINARY_FORMATS.get(self.path.suffix.lower())
         if kind is not None:
-            return self.refused("", f"is neither {kind} file nor text", "export or copy it again")
-        return self.refused(f"line {line}", limit, remedy)
+            return self.error("", f"is neither {kind} file nor text", "export or copy it again")
+        return self.error(f"line {line}", limit, remedy)
 
     def text(self) -> str:
         """Return the text of the file, decoded as its bytes indicate: UTF-8, UTF-16 or Windows-1252."""
         data = self.data
-        for start, (what, remedy) in _OTHERS.items():
+        for start, (what, remedy) in _OTHER_FORMATS.items():
             if data.startswith(start):
-                raise self.refused("", f"is {what}", remedy)
+                raise self.error("", f"is {what}", remedy)
         try:
             return self._decoded()
         except UnicodeDecodeError as bad:
@@ -144,5 +142,5 @@ def load(path: Path) -> Source:
 
 
 def _has_utf8(data: bytes) -> bool:
-    """Whether the bytes contain a letter that is encoded as several bytes in UTF-8."""
+    """Return whether the bytes contain a character that is encoded as several bytes in UTF-8."""
     return re.search(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}|[\xf0-\xf4][\x80-\xbf]{3}", data) is not None

@@ -1,12 +1,12 @@
-"""Exports from test machines that contain several tables: results first, then the numbers for each specimen.
+"""Exports from test machines with several tables: lists of results, and the numbers of each specimen.
 
-A row that names a force, a travel, a time or a strain, with units below it, is the header of a specimen's numbers,
-which continue to the next row of another kind. The columns of specimens side by side repeat. Below a header whose first
-cell is empty or contains ``Name``, rows that begin with a specimen's name list properties: width, modulus. Each
-specimen becomes a separate table, with its row from each list as parameters, and is checked like every table. Every row
-of numbers must belong to a table.
+A row that names quantities such as force, travel, time or strain, with units below it, is the header of a specimen's
+numbers, which continue to the next row of another kind. Specimens side by side have repeated columns. A list has a
+header whose first cell is empty or ``Name``, and a row for each specimen that begins with its name and contains its
+properties, such as width and modulus. Each specimen becomes a separate table, with its row from each list as
+parameters, and is checked like every table. Every row of numbers must belong to a table.
 
-`specimens` returns the content of such an export as `Table` objects.
+`specimens` returns the `Table` of each specimen.
 
 Layouts: Bluehill's raw data below its results tables; MTS Series 793, whose first line names it and whose acquisitions
 follow one another; Shimadzu's Trapezium with names above each specimen's columns, as read by snpl's load_TrapeziumCSV;
@@ -20,35 +20,35 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from solen.recording.grid import Grid
+from solen.recording.headings import heading, is_measurement_unit, plain
 from solen.recording.layout import Layout
 from solen.recording.numbers import is_missing, is_number
-from solen.recording.words import heading, plain, stated_unit
 
-_MECHANICAL = {"force", "displacement", "crosshead", "time", "strain", "stress"}
-_MTS = re.compile(r"MTS793\|")
+_QUANTITIES = {"force", "displacement", "crosshead", "time", "strain", "stress"}
+_MTS_HEADER = re.compile(r"MTS793\|")
 _EXPORT = re.compile(r"results? table\b|mts793\|", re.IGNORECASE)
-_LISTED = {"", "name", "specimen", "sample", "specimen label"}
+_LIST_HEADERS = {"", "name", "specimen", "sample", "specimen label"}
 _UNITS = {"", "unit", "units"}
-_SUMMARIES = {"mean", "average", "median", "maximum", "minimum", "max", "min", "range", "mittelwert"} | {
+_SUMMARY_ROWS = {"mean", "average", "median", "maximum", "minimum", "max", "min", "range", "mittelwert"} | {
     *("sd", "std", "s.d", "std dev", "std. dev", "standard deviation", "coefficient of variation", "cv", "c.v"),
     *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
 }
-"""Rows of a list that do not belong to a specimen."""
+"""First cells of list rows that are not those of a specimen."""
 _MIN_ROWS = 2
 
 
 @dataclass(frozen=True)
 class Table:
-    """A specimen's table as a separate grid, with the specimen's name, which is empty for a single specimen."""
+    """The table of a specimen as a separate grid, and the specimen's name, which is empty for a single specimen."""
 
     name: str
     grid: Grid
-    place: Layout
+    layout: Layout
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Rows of a table in the file: title, names, units, and the numbers in some columns."""
+    """A table in the file: its title, header row, rows of numbers, and columns."""
 
     title: str
     header: int
@@ -64,40 +64,42 @@ class _Block:
 def specimens(grid: Grid) -> list[Table]:
     """Return the tables of the specimens; none for other files.
 
-    Raises `DataError` at a row of numbers that belongs to no specimen.
+    Raise `DataError` at a row of numbers that belongs to no specimen.
     """
     stacked = list(_stacked(grid))
     blocks = [part for block in stacked for part in _side_by_side(grid, block)]
-    taken = {row for block in stacked for row in (*block.head, *block.body)}
-    others = [row for row in range(len(grid.rows)) if row not in taken and not grid.is_blank(row)]
-    lists = _lists(grid, others)
-    marked = any(_EXPORT.search(cell) for cells in grid.rows for cell in cells[:1])
-    if marked and not blocks:
-        limit = "contains no test data: a row of names such as Time, Extension, Load, a row of units, and numbers"
-        raise grid.source.refused("", limit, "export the raw data of the specimens too")
-    if len(blocks) < (1 if marked or lists else 2):
+    table_rows = {row for block in stacked for row in (*block.head, *block.body)}
+    remaining = [row for row in range(len(grid.rows)) if row not in table_rows and not grid.is_blank(row)]
+    lists = _lists(grid, remaining)
+    is_export = any(_EXPORT.search(cell) for cells in grid.rows for cell in cells[:1])
+    if is_export and not blocks:
+        limit = (
+            "contains no test data, which begin with a row of names such as Time, Extension, Load and a row of units"
+        )
+        raise grid.source.error("", limit, "export the raw data of the specimens too")
+    if len(blocks) < (1 if is_export or lists else 2):
         return []
-    listed = {row for rows in lists for row in rows}
-    for row in others:
-        if row not in listed and sum(map(is_number, grid.rows[row])) > 1 and is_number(grid.rows[row][0]):
-            raise grid.refused(row, None, "contains numbers that belong to no table", "export the file again")
-    above = [grid.rows[row] for row in others if row not in listed]
-    if _MTS.match(grid.rows[0][0]):
+    list_rows = {row for rows in lists for row in rows}
+    for row in remaining:
+        if row not in list_rows and sum(map(is_number, grid.rows[row])) > 1 and is_number(grid.rows[row][0]):
+            raise grid.error(row, None, "contains numbers that belong to no table", "export the file again")
+    above = [grid.rows[row] for row in remaining if row not in list_rows]
+    if _MTS_HEADER.match(grid.rows[0][0]):
         return [_table(grid, _joined(grid, blocks), "", above)]
-    names, titled = _names(blocks), [block.title for block in blocks]
-    chosen = [(rows[0], rows[1], _of_each(grid, rows[2:], names, by_name=names == titled)) for rows in lists]
+    names, titles = _names(blocks), [block.title for block in blocks]
+    matched = [(rows[0], rows[1], _rows_of_specimens(grid, rows[2:], names, by_name=names == titles)) for rows in lists]
     return [
-        _table(grid, block, name, [*above, *_lines(grid, chosen, number)])
+        _table(grid, block, name, [*above, *_parameter_rows(grid, matched, number)])
         for number, (name, block) in enumerate(zip(names, blocks, strict=True))
     ]
 
 
 def _stacked(grid: Grid) -> Iterator[_Block]:
-    """Return the tables of a test, one below the other."""
+    """Yield the tables of a test, one below the other."""
     row = 0
     while row < len(grid.rows) - _MIN_ROWS:
         end = row + 2
-        if _heads(grid, row):
+        if _is_header(grid, row):
             while end < len(grid.rows) and not grid.is_blank(end) and _is_row(grid, end):
                 end += 1
         if end - row - 2 < _MIN_ROWS:
@@ -109,15 +111,15 @@ def _stacked(grid: Grid) -> Iterator[_Block]:
         row = end
 
 
-def _heads(grid: Grid, row: int) -> bool:
-    """Whether a row names test columns for at least two quantities, with their units below."""
+def _is_header(grid: Grid, row: int) -> bool:
+    """Return whether a row names columns of at least two quantities of a test, with their units below."""
     names, units = grid.rows[row], grid.rows[row + 1]
     if len(names) < 2 or is_number(names[0]) or len(units) < grid.width(row):
         return False
     pairs = [(name, unit.strip("()[]")) for name, unit in zip(names, units, strict=False) if name]
-    if not all(stated_unit(unit) for _, unit in pairs):
+    if not all(is_measurement_unit(unit) for _, unit in pairs):
         return False
-    return len({heading(name, unit).quantity for name, unit in pairs} & _MECHANICAL) > 1
+    return len({heading(name, unit).quantity for name, unit in pairs} & _QUANTITIES) > 1
 
 
 def _is_row(grid: Grid, row: int) -> bool:
@@ -125,7 +127,7 @@ def _is_row(grid: Grid, row: int) -> bool:
 
 
 def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
-    """Return specimens in repeated columns side by side, each with its rows; the block itself if no columns repeat."""
+    """Yield the specimens in repeated columns, each with its rows; the block itself if no columns repeat."""
     names = [plain(name) for name in grid.rows[block.header][: len(block.columns)]]
     filled = [n for n, name in enumerate(names) if name]
     starts = [n for n in filled if names[n] == names[filled[0]]]
@@ -135,67 +137,63 @@ def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
     for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
         columns = range(start, max(n for n in filled if n < end) + 1)
         titles = [cell for cell in grid.rows[block.header - 1][start:end] if cell] if block.header else []
-        held = [row for row in block.body if any(grid.rows[row][start:end])]
-        yield _Block(titles[0] if titles else "", block.header, held, columns)
+        filled_rows = [row for row in block.body if any(grid.rows[row][start:end])]
+        yield _Block(titles[0] if titles else "", block.header, filled_rows, columns)
 
 
 def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
-    """Return consecutive acquisitions joined to a single test; raise `DataError` if their columns differ."""
+    """Return consecutive acquisitions as a single test; raise `DataError` if their columns differ."""
     first = blocks[0]
     for block in blocks[1:]:
         if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
-            raise grid.refused(
+            raise grid.error(
                 block.header, None, "has different columns from the acquisition above it", "export it alone"
             )
     return replace(first, body=[row for block in blocks for row in block.body])
 
 
-def _lists(grid: Grid, others: Sequence[int]) -> list[list[int]]:
-    """Return the result lists, each with a header row, an optional unit row and a row for each specimen."""
+def _lists(grid: Grid, remaining: Sequence[int]) -> list[list[int]]:
+    """Return the rows of each list of results: a header, units, and a row for each specimen."""
     lists: list[list[int]] = []
-    for row, below in pairwise(others):
+    for row, below in pairwise(remaining):
         cells, units = grid.rows[row], grid.rows[below]
         if lists and row == lists[-1][-1] + 1 and grid.width(row) > 1:
             lists[-1].append(row)
-        elif plain(cells[0]) in _LISTED and grid.width(row) > 1 and below == row + 1 and _states_units(units):
+        elif plain(cells[0]) in _LIST_HEADERS and grid.width(row) > 1 and below == row + 1 and _is_unit_row(units):
             lists.append([row])
-    if lists and others[-1] == lists[-1][-1] + 1:
-        lists[-1].append(others[-1])
+    if lists and remaining[-1] == lists[-1][-1] + 1:
+        lists[-1].append(remaining[-1])
     return lists
 
 
-def _states_units(cells: Sequence[str]) -> bool:
-    """Whether a row of a list contains the units of its columns."""
-    stated = [cell.strip("()[]") for cell in cells[1:] if cell]
-    return plain(cells[0]) in _UNITS and bool(stated) and all(map(stated_unit, stated))
+def _is_unit_row(cells: Sequence[str]) -> bool:
+    """Return whether a row below the header of a list contains units."""
+    units = [cell.strip("()[]") for cell in cells[1:] if cell]
+    return plain(cells[0]) in _UNITS and bool(units) and all(map(is_measurement_unit, units))
 
 
-def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
-    """Return the list row for each specimen: matched by name, by the number in the name, or by position.
+def _rows_of_specimens(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
+    """Return the row of a list for each specimen, matched by name or by the number in it.
 
-    Positions are used only if the counts agree.
-
-    Raises
-    ------
-    DataError
-        With the line that belongs to no specimen.
+    If no name matches and there are as many rows as specimens, they are matched in order. Raise `DataError` at a row
+    that matches no specimen.
     """
-    rows = [row for row in rows if plain(grid.rows[row][0]).rstrip(".:") not in _SUMMARIES]
-    found: dict[int, int] = {}
+    rows = [row for row in rows if plain(grid.rows[row][0]).rstrip(".:") not in _SUMMARY_ROWS]
+    matched: dict[int, int] = {}
     for key in (plain, _number) if by_name else ():
         keys, listed = [key(name) for name in names], [key(grid.rows[row][0]) for row in rows]
-        found = {
-            keys.index(one): row
-            for one, row in zip(listed, rows, strict=True)
-            if one and keys.count(one) == listed.count(one) == 1
+        matched = {
+            keys.index(key_of_row): row
+            for key_of_row, row in zip(listed, rows, strict=True)
+            if key_of_row and keys.count(key_of_row) == listed.count(key_of_row) == 1
         }
-        if len(found) == len(rows):
-            return found
-    if not found and len(rows) == len(names):
+        if len(matched) == len(rows):
+            return matched
+    if not matched and len(rows) == len(names):
         return dict(enumerate(rows))
-    left = next(row for row in rows if row not in found.values())
-    limit = f"matches none of the {len(names)} specimens, and {len(rows)} are listed: the assignment is ambiguous"
-    raise grid.refused(left, None, limit, "use the same name, or delete its line")
+    unmatched = next(row for row in rows if row not in matched.values())
+    limit = f"matches none of the {len(names)} specimens, and the list has {len(rows)} rows"
+    raise grid.error(unmatched, None, limit, "use the name of a specimen, or delete the line")
 
 
 def _number(name: str) -> str:
@@ -204,42 +202,42 @@ def _number(name: str) -> str:
     return "" if match is None else f"{int(match[1])}"
 
 
-def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:
-    """Return a specimen's parameters from lists as rows of names, units and values."""
+def _parameter_rows(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:
+    """Yield the parameters of a specimen in the lists, each as name, value and unit."""
     for header, below, rows in lists:
         names, units, line = (
             [cell.strip("()[]") for cell in grid.rows[row]] if row is not None else []
             for row in (header, below, rows.get(number))
         )
-        for place, value in enumerate(line[: len(names)]):
-            if place and names[place] and value:
-                yield [grid.rows[header][place], value, *units[place : place + 1]]
+        for layout, value in enumerate(line[: len(names)]):
+            if layout and names[layout] and value:
+                yield [grid.rows[header][layout], value, *units[layout : layout + 1]]
 
 
 def _names(blocks: Sequence[_Block]) -> list[str]:
-    """Return the name of each specimen: its title or number; empty for a single specimen."""
+    """Return the name of each specimen: its title, or a number; a single specimen keeps its title, even if empty."""
     titles = [block.title for block in blocks]
     if len(blocks) == 1:
         return titles
-    whole = all(titles) and max(Counter(titles).values()) == 1
-    return titles if whole else [f"specimen {number}" for number in range(1, len(blocks) + 1)]
+    distinct = all(titles) and max(Counter(titles).values()) == 1
+    return titles if distinct else [f"specimen {number}" for number in range(1, len(blocks) + 1)]
 
 
 def _table(grid: Grid, block: _Block, name: str, above: Sequence[list[str]]) -> Table:
-    """Return a block as a separate grid, below its parameters."""
+    """Return the table of a block: its rows as a separate grid, below the parameters."""
     chosen = [block.header, block.header + 1, *block.body]
     start, stop = block.columns.start, block.columns.stop
-    beyond = max(map(grid.width, chosen)) > stop and grid.width(block.header) == stop and not start
-    cut = slice(start, None if beyond else stop)
-    rows = [grid.rows[row][cut] for row in chosen]
+    extends = max(map(grid.width, chosen)) > stop and grid.width(block.header) == stop and not start
+    columns = slice(start, None if extends else stop)
+    rows = [grid.rows[row][columns] for row in chosen]
     count = len(above)
-    own = replace(
+    cells = replace(
         grid,
         rows=[*above, *rows],
         lines=[*[grid.lines[block.header]] * count, *(grid.lines[row] for row in chosen)],
-        left=start,
+        column_offset=start,
     )
     units = [unit.strip("()[]") for unit in rows[1][: len(block.columns)]]
     names = rows[0][: len(block.columns)]
-    place = Layout(count, names, units, list(range(count)), list(range(count + 2, count + len(chosen))), [])
-    return Table(name, own, place)
+    layout = Layout(count, names, units, list(range(count)), list(range(count + 2, count + len(chosen))), [])
+    return Table(name, cells, layout)

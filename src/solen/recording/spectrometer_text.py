@@ -1,9 +1,9 @@
-"""Text files from spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
+"""Text files of spectrometer programs: a header, a line that marks the start of the numbers, and one point per line.
 
 Each program writes a characteristic line above the numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
 ``[Data]``), and some also write a line below. The header contains the number of points, and often the first, last and
-extreme values, which are compared with the rows. The header may also define the meaning of the values; if it does not,
-a note reports this.
+extreme values, which are compared with the rows. It may also specify the quantity of the values; if it does not, a note
+reports this.
 
 Public names: `read` and `PROGRAMS`.
 """
@@ -15,16 +15,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.recording.grid import cut_note
+from solen.recording.grid import truncated_number
 from solen.recording.model import Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.source import Source
-from solen.recording.spectrum_statements import number, spectrum
+from solen.recording.spectrum_header import number as header_number
+from solen.recording.spectrum_header import spectrum_recording
 
 Header = dict[str, str]
-_EVEN = 0.1  # largest deviation of an abscissa from uniform steps, as a fraction of a step
-_CELLS = re.compile(r"[\s;,]+")
-_POINTS = re.compile(r"\d\.\d.*,|,.*\d\.\d|^-?\d+,-?\d+$")
+_UNIFORMITY = 0.1  # largest deviation of an abscissa from uniform steps, as a fraction of a step
+_CELL_BREAK = re.compile(r"[\s;,]+")
+_DECIMAL_POINTS = re.compile(r"\d\.\d.*,|,.*\d\.\d|^-?\d+,-?\d+$")
 
 
 @dataclass(frozen=True)
@@ -34,34 +35,30 @@ class Program:
     Attributes
     ----------
     mark
-        Bytes that only files from this program contain or begin with.
+        Pattern of bytes that only files of this program contain.
     header
-        Reads the lines above the numbers into a header, with the keys used in the file.
+        Reads the lines above the numbers into a header with the file's own keys.
     begin, end
         Lines above and below the numbers; without a line below, the numbers extend to the end of the file.
-    ended
+    needs_end
         Whether the line below the numbers is required.
-    named
+    has_names
         Whether the line above the numbers contains the column units, and the line before it the column names.
     labels
-        The keys used in the file, mapped to the JCAMP-DX labels (`solen.recording.spectrum_statements`) and others used
-        here.
+        JCAMP-DX labels (`solen.recording.spectrum_header`) and others used here, for keys of the file.
     """
 
     mark: re.Pattern[bytes]
     header: Callable[[Sequence[str]], Header]
     begin: re.Pattern[str]
     end: re.Pattern[str] | None = None
-    ended: bool = False
-    named: bool = False
+    needs_end: bool = False
+    has_names: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
 def _pairs(separator: str) -> Callable[[Sequence[str]], Header]:
-    """Return a reader of lines with a name, a separator and a value.
-
-    The first line without a separator is the title.
-    """
+    """Return a reader of lines with name, separator and value; the first line without a separator is the title."""
 
     def header(lines: Sequence[str]) -> Header:
         parts = [[part.strip(' "#') for part in re.split(separator, line, maxsplit=1)] for line in lines]
@@ -77,11 +74,11 @@ _PERKIN_NEUTRAL = {"y factor": "1", "y offset": "0"}
 
 
 def _perkin(lines: Sequence[str]) -> Header:
-    """Return the entries in PerkinElmer files: by line number at the beginning, by order below ``#GR``."""
-    graph = [line.strip() for line in lines]
-    after = graph[graph.index("#GR") + 1 :] if "#GR" in graph else []
-    stated = {name: graph[place] for place, name in _PERKIN.items() if place < len(graph)}
-    return stated | dict(zip(_PERKIN_GRAPH, after, strict=False))
+    """Return the entries of a PerkinElmer file, defined by line number at the beginning and by order below ``#GR``."""
+    stripped = [line.strip() for line in lines]
+    after = stripped[stripped.index("#GR") + 1 :] if "#GR" in stripped else []
+    entries = {name: stripped[place] for place, name in _PERKIN.items() if place < len(stripped)}
+    return entries | dict(zip(_PERKIN_GRAPH, after, strict=False))
 
 
 PROGRAMS = {
@@ -111,18 +108,18 @@ PROGRAMS = {
         mark=re.compile(rb"\A.{0,400}?Integration time \[ms\].{0,400}?\n\[nm\]\s*;", re.DOTALL),
         header=_pairs(r":\s"),
         begin=re.compile(r"\[nm\]\s*(?:;\s*\[[^\]]*\]\s*)+"),
-        named=True,
+        has_names=True,
     ),
     "thorlabs": Program(  # ThorSpectra's text with a header, in the form that pyIVLS imitates
         mark=re.compile(rb"\A.{0,300}?\[SpectrumHeader\]", re.DOTALL),
         header=_pairs("[;,\t]"),
         begin=re.compile(r"#?\[Data\]"),
         end=re.compile(r"#?\[EndOfFile\]"),
-        ended=True,
+        needs_end=True,
         labels={"Length": "NPOINTS", "XAxisUnit": "XUNITS", "YAxisUnit": "YUNITS", "InstrModel": "instrument"},
     ),
 }
-"""Programs by the name of their format."""
+"""Programs, keyed by the name of their format."""
 
 
 def read(source: Source) -> Recording | None:
@@ -137,100 +134,97 @@ def _read(source: Source, name: str, program: Program) -> Recording:
     lines = source.lines()
     begin = next((n for n, line in enumerate(lines) if program.begin.fullmatch(line.strip())), None)
     if begin is None:
-        raise source.refused("", "has no complete line that marks the start of the numbers", "export it again")
-    metadata = program.header(lines[: begin - program.named])
-    stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
+        raise source.error("", "has no complete line that marks the start of the numbers", "export it again")
+    metadata = program.header(lines[: begin - program.has_names])
+    entries = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
     for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
-        text = stated.get(key, neutral)
+        text = entries.get(key, neutral)
         if not is_number(text) or parse(text, "," if "," in text else ".") != float(neutral):
-            raise source.refused(key, f"is not {neutral}: scaled values are not supported", "export it unscaled", text)
-    if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
-        limit = f"has the axis {stated['XAxis mode']}, which is not supported"
-        raise source.refused("", limit, "save it along wavelengths")
+            raise source.error(key, f"is not {neutral}: scaled values are not supported", "export it unscaled", text)
+    if entries.get("XAxis mode", "Wavelengths") != "Wavelengths":
+        limit = f"has the axis {entries['XAxis mode']}, which is not supported"
+        raise source.error("", limit, "save it as a function of wavelength")
     body = _body(source, program, lines, begin + 1)
     rows = _rows(source, body)
-    points = stated.get("NPOINTS", "2 or more")
-    if len(rows) < 2 or (points != str(len(rows)) and "NPOINTS" in stated):
+    points = entries.get("NPOINTS", "2 or more")
+    if len(rows) < 2 or (points != str(len(rows)) and "NPOINTS" in entries):
         limit = f"has {len(rows)} rows, but the header specifies {points}: the file was cut off or damaged"
-        raise source.refused("", limit, "export it again")
+        raise source.error("", limit, "export it again")
     x, *columns = np.array(rows, dtype=np.float64).T
-    _check_places(source, list(body), x, stated)
-    if program.named:
+    _check_abscissas(source, list(body), x, entries)
+    if program.has_names:
         heads = [[cell.strip(" []") for cell in line.split(";")[1:]] for line in lines[begin - 1 : begin + 1]]
         if len(heads[0]) != len(heads[1]) or len(heads[0]) != len(columns):
-            raise source.refused(
+            raise source.error(
                 f"line {begin}",
                 f"does not have a name and a unit for each of {len(columns)} columns",
                 "export it again",
             )
         pairs = [(name, unit + name if unit == "%" else unit) for name, unit in zip(*heads, strict=True)]
     else:
-        units = [stated.get("YUNITS", ""), *(stated.get(f"Y{n}UNITS", "") for n in range(2, len(columns) + 1))]
-        pairs = [(stated.get("name") or "spectrum", unit) for unit in units]
+        units = [entries.get("YUNITS", ""), *(entries.get(f"Y{n}UNITS", "") for n in range(2, len(columns) + 1))]
+        pairs = [(entries.get("name") or "spectrum", unit) for unit in units]
     traces = [(*pair, column) for pair, column in zip(pairs, columns, strict=True)]
-    whole = spectrum(source, name, metadata, stated, x, traces)
-    *others, last = whole.channels
-    return replace(whole, channels=(*others, last.noted(_ending(lines, body))))
+    recording = spectrum_recording(source, name, metadata, entries, x, traces)
+    *others, last = recording.channels
+    return replace(recording, channels=(*others, last.noted(_last_number_note(lines, body))))
 
 
-def _ending(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Return a note on the last number, which may be truncated if the file ends there."""
-    return cut_note(_CELLS.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
+def _last_number_note(lines: Sequence[str], body: Mapping[int, str]) -> str:
+    """Return a note on the last number if the file ends there; otherwise empty."""
+    return (
+        truncated_number(_CELL_BREAK.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
+    )
 
 
 def _body(source: Source, program: Program, lines: Sequence[str], first: int) -> dict[int, str]:
-    """Return the lines with numbers by line number; raise `DataError` if numbers follow the end mark."""
-    held = list(enumerate(lines[first:], first + 1))
-    end = next((n for n, (_, line) in enumerate(held) if program.end and program.end.fullmatch(line.strip())), None)
-    if end is None and program.ended:
-        raise source.refused(
-            "", "has no line that marks the end of the numbers: the file was cut off", "export it again"
-        )
-    for place, line in held[end:] if end is not None else ():
-        cells = _CELLS.split(line.strip())
+    """Return the lines of numbers, keyed by line number; raise `DataError` if numbers follow the end mark."""
+    numbered = list(enumerate(lines[first:], first + 1))
+    end = next((n for n, (_, line) in enumerate(numbered) if program.end and program.end.fullmatch(line.strip())), None)
+    if end is None and program.needs_end:
+        raise source.error("", "has no line that marks the end of the numbers: the file was cut off", "export it again")
+    for line_number, line in numbered[end:] if end is not None else ():
+        cells = _CELL_BREAK.split(line.strip())
         if len(cells) > 1 and all(map(is_number, cells)):
-            raise source.refused(
-                f"line {place}", "contains numbers below the end mark", "export it again", line.strip()[:40]
+            raise source.error(
+                f"line {line_number}", "contains numbers below the end mark", "export it again", line.strip()[:40]
             )
-    return {number: line.strip() for number, line in held[:end] if line.strip()}
+    return {line_number: line.strip() for line_number, line in numbered[:end] if line.strip()}
 
 
 def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
-    """Return the abscissa and values on each line.
-
-    Raises `DataError` at a line with a different number of values from the first.
-    """
+    """Return the abscissa and values on each line; raise `DataError` if their number differs from the first line."""
     first = next(iter(body.values()), "")
-    separator = "\t" if "\t" in first else ";" if ";" in first else "," if _POINTS.search(first) else None
+    separator = "\t" if "\t" in first else ";" if ";" in first else "," if _DECIMAL_POINTS.search(first) else None
     mark = "," if separator != "," and any("," in line for line in body.values()) else "."
     rows: list[list[float]] = []
-    for place, line in body.items():
+    for line_number, line in body.items():
         try:
             row = [parse(cell.strip(), mark) for cell in line.split(separator)]
         except ValueError as bad:
-            raise source.refused(f"line {place}", str(bad), "export it again", line[:40]) from None
+            raise source.error(f"line {line_number}", str(bad), "export it again", line[:40]) from None
         if len(row) < 2 or (rows and len(row) != len(rows[0])) or not np.isfinite(row).all():
-            raise source.refused(
-                f"line {place}", "is not an abscissa followed by its values", "export it again", line[:40]
+            raise source.error(
+                f"line {line_number}", "is not an abscissa followed by its values", "export it again", line[:40]
             )
         rows.append(row)
     return rows
 
 
-def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: Mapping[str, str]) -> None:
-    """Raise `DataError` at the first abscissa that is out of order or deviates from the uniform steps in the header."""
+def _check_abscissas(source: Source, lines: Sequence[int], x: FloatArray, entries: Mapping[str, str]) -> None:
+    """Raise `DataError` at the first abscissa that is out of order, or deviates from the steps in the header."""
     steps = np.diff(x) * (1.0 if np.sum(np.diff(x) > 0.0) * 2 > x.size - 1 else -1.0)
-    back = np.flatnonzero(~(steps > 0.0))
-    if back.size:
-        limit = (
-            f"does not follow {x[back[0]]:g}: the abscissas of a spectrum must increase, or decrease, from line to line"
+    disordered = np.flatnonzero(~(steps > 0.0))
+    if disordered.size:
+        limit = f"follows {x[disordered[0]]:g}: the abscissas of a spectrum must be in ascending or descending order"
+        raise source.error(
+            f"line {lines[disordered[0] + 1]}", limit, "export it again: lines are damaged", f"{x[disordered[0] + 1]:g}"
         )
-        raise source.refused(
-            f"line {lines[back[0] + 1]}", limit, "export it again: lines are damaged", f"{x[back[0] + 1]:g}"
+    first, step = header_number(source, entries, "FIRSTX"), abs(header_number(source, entries, "DELTAX"))
+    uniform = first + np.sign(x[-1] - x[0]) * step * np.arange(x.size)
+    deviating = np.flatnonzero(np.abs(x - uniform) > _UNIFORMITY * step)
+    if deviating.size:
+        limit = f"is where {uniform[deviating[0]]:g} is expected from the first abscissa and the step in the header"
+        raise source.error(
+            f"line {lines[deviating[0]]}", limit, "export it again: lines are damaged", f"{x[deviating[0]]:g}"
         )
-    first, step = number(source, stated, "FIRSTX"), abs(number(source, stated, "DELTAX"))
-    even = first + np.sign(x[-1] - x[0]) * step * np.arange(x.size)
-    off = np.flatnonzero(np.abs(x - even) > _EVEN * step)
-    if off.size:
-        limit = f"appears where {even[off[0]]:g} is expected from the first abscissa and the step given in the file"
-        raise source.refused(f"line {lines[off[0]]}", limit, "export it again: lines are damaged", f"{x[off[0]]:g}")

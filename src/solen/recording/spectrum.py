@@ -14,13 +14,13 @@ from solen.ranks import Caution, prefixed
 from solen.recording.model import Channel, Measured, Recording
 from solen.results import HIDDEN
 
-_MAX_RATIO = 2.0  # a larger ratio of light is in percent
-_MAX_NAMES = 4  # most traces that a warning names
+_MAX_RATIO = 2.0  # larger ratios of light are in percent
+_MAX_NAMES = 4  # maximum number of traces that a warning names
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """A trace from a recording.
+    """A trace of a recording with its wavelengths.
 
     Attributes
     ----------
@@ -34,17 +34,14 @@ class Spectrum:
     channel: Channel
 
     def ratio(self) -> FloatArray:
-        """Return the values as pure numbers, 0.91 for 91 %.
-
-        Raises `DataError` for another unit, or if a missing unit is needed.
-        """
+        """Return the values as pure numbers, 0.91 for 91 %; raise `DataError` for another unit or if it is missing."""
         channel = self.channel
         if channel.unit:
             return channel.to("1")
         top = float(np.nanmax(np.abs(channel.values), initial=0.0))
         if channel.quantity in {"transmittance", "reflectance", "absorptance"} and top > _MAX_RATIO:
             remedy = f"write {channel.name} (%) in the header if the values are in percent"
-            raise DataError(channel.name, value=top, limit="has no unit and is not a fraction", remedy=remedy)
+            raise DataError(channel.name, value=top, limit="has no unit, and is not a fraction", remedy=remedy)
         return channel.values
 
 
@@ -85,7 +82,7 @@ class Listing(Measured, kw_only=True):
     file, format
         Names of the files, and the formats that were used to read them.
     repeats
-        Whether traces whose names differ only in the last number are repeats of the same spectrum.
+        Whether traces whose names differ only in the last number are treated as repeats.
     traces
         The spectra, in file order.
     """
@@ -98,22 +95,22 @@ class Listing(Measured, kw_only=True):
 
 
 def spectra(recording: Recording) -> tuple[Spectrum, ...]:
-    """Return all traces of a recording along a wavelength; raise `DataError` if there is none."""
+    """Return all traces of a recording that have wavelengths; raise `DataError` if there is none."""
     axes = {channel.name: channel for channel in recording.channels if channel.quantity == "wavelength"}
-    found = tuple(
+    traces = tuple(
         Spectrum(axes[channel.axis].to("nm"), channel) for channel in recording.channels if channel.axis in axes
     )
-    if not found:
+    if not traces:
         remedy = "name the wavelength column wavelength_nm" if not axes else "add a column of values"
-        raise DataError(recording.provenance.name, limit="holds no spectrum", remedy=remedy)
-    return found
+        raise DataError(recording.provenance.name, limit="contains no spectrum", remedy=remedy)
+    return traces
 
 
 def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repeats: bool = False) -> Listing:
     """Return the named spectra in recordings, or all of them; raise `DataError` if a name is not found."""
     for name in names:
-        there = [recording for recording in recordings if name in recording.names] or recordings
-        if all(there[0].channel(name).name != spectrum.channel.name for spectrum in spectra(there[0])):
+        holding = [recording for recording in recordings if name in recording.names] or recordings
+        if all(holding[0].channel(name).name != spectrum.channel.name for spectrum in spectra(holding[0])):
             raise DataError(f"trace {name}", limit="has no wavelengths", remedy="name another")
     chosen = [
         (recording.provenance, spectrum)
@@ -126,21 +123,23 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
         file=", ".join(source.file for source in sources),
         format=", ".join(dict.fromkeys(source.format for source in sources)),
         repeats=repeats,
-        traces=tuple(_trace(source.file, one) for source, one in chosen),
-        spectra=tuple(one for _, one in chosen),
+        traces=tuple(_trace(source.file, spectrum) for source, spectrum in chosen),
+        spectra=tuple(spectrum for _, spectrum in chosen),
         sources=sources,
-        warnings=tuple(text for recording in recordings for text in _remarks(recording, [one for _, one in chosen])),
+        warnings=tuple(
+            text for recording in recordings for text in _cautions(recording, [spectrum for _, spectrum in chosen])
+        ),
     )
 
 
-def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
-    """Return the notes on the used channels; identical notes are merged."""
-    used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
-    remarks: dict[str, list[str]] = {}
+def _cautions(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
+    """Return the notes on the used channels as warnings; identical notes are merged."""
+    used = {name for spectrum in chosen for name in (spectrum.channel.axis, spectrum.channel.name)}
+    names_by_note: dict[str, list[str]] = {}
     for channel in recording.channels:
         if channel.note and channel.name in used:
-            remarks.setdefault(channel.note, []).append(channel.name)
-    return [prefixed(_listed(channels), Caution(note)) for note, channels in remarks.items()]
+            names_by_note.setdefault(channel.note, []).append(channel.name)
+    return [prefixed(_listed(channels), Caution(note)) for note, channels in names_by_note.items()]
 
 
 def _trace(file: str, spectrum: Spectrum) -> Trace:
@@ -159,10 +158,10 @@ def _trace(file: str, spectrum: Spectrum) -> Trace:
 
 
 def _range(values: FloatArray) -> tuple[float, float] | None:
-    there = values[np.isfinite(values)]
-    return (float(there.min()), float(there.max())) if there.size else None
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else None
 
 
 def _listed(names: list[str]) -> str:
-    more = len(names) - _MAX_NAMES
-    return ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
+    remaining = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {remaining} more" if remaining > 0 else "")

@@ -21,7 +21,7 @@ _NEAR_ZERO = 1.0 / 6.0  # fraction of the reach: 0.5° of the 3° of a rotation
 
 @dataclass(frozen=True)
 class Stimulus:
-    """A driven quantity.
+    """The quantity that acts on a sensor.
 
     Attributes
     ----------
@@ -50,16 +50,16 @@ class Stimulus:
 
     @property
     def known(self) -> str:
-        """Reference with which the stimulus is compared."""
+        """Description of the reference values."""
         return "the load cell reading" if self.name == "force" else "true"
 
     @property
     def column(self) -> str:
-        """Option that names the column; --force replaces files."""
+        """Name of the option for the column; ``--force`` has another meaning."""
         return "load" if self.name == "force" else self.name
 
     def near_zero(self, reach: float) -> float:
-        """Return the range about 0 for the sensitivity near zero, limited by the given motion."""
+        """Return the range about 0 for the sensitivity near zero, from the reach of the motion."""
         return NEAR_ZERO_DEG if self.unit == "deg" else float(f"{_NEAR_ZERO * reach:.2g}")
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
@@ -67,7 +67,7 @@ class Stimulus:
         return self._rekeyed(data, ANGLE, self)
 
     def unkeyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Convert plain data of a file back to keys that name the angle."""
+        """Return plain data of a file with keys that name the angle."""
         return self._rekeyed(data, self, ANGLE)
 
     @staticmethod
@@ -83,4 +83,4 @@ class Stimulus:
 ANGLE = Stimulus("angle", "angles", "deg", "°")
 FORCE = Stimulus("force", "forces", "N", " N")
 DEPTH = Stimulus("depth", "depths", "mm", " mm")
-STIMULI: dict[str, Stimulus] = {one.name: one for one in (ANGLE, FORCE, DEPTH)}
+STIMULI: dict[str, Stimulus] = {stimulus.name: stimulus for stimulus in (ANGLE, FORCE, DEPTH)}

@@ -1,4 +1,4 @@
-"""LabVIEW's TDMS files, read with npTDMS (extra ``tdms``): channels with units, and the time of waveforms.
+"""TDMS files of LabVIEW, read with npTDMS (extra ``tdms``): channels with units, and the time of waveforms.
 
 Public names: `is_tdms` and `read`.
 """
@@ -21,7 +21,7 @@ _UNITS = ("unit_string", "NI_UnitDescription", "NI_unit_string", "unit")
 
 
 def is_tdms(source: Source) -> bool:
-    """Whether a file begins like a TDMS file."""
+    """Return whether a file begins like a TDMS file."""
     return source.data.startswith(_MAGIC)
 
 
@@ -32,7 +32,7 @@ def read(source: Source) -> Recording:
     from nptdms.log import log_manager
 
     arrays: list[Array] = []
-    log_manager.set_level(logging.ERROR)  # it would print errors that are raised below
+    log_manager.set_level(logging.ERROR)  # it would print the errors that are raised below
     try:
         file = TdmsFile.read(io.BytesIO(source.data))
         metadata = {str(key): str(value) for key, value in file.properties.items()}
@@ -46,26 +46,26 @@ def read(source: Source) -> Recording:
                 arrays += _arrays(prefix, channel)
     except Exception as bad:  # npTDMS may raise any exception at a damaged file
         limit = f"is a damaged TDMS file: {' '.join(str(bad).split())[:80] or type(bad).__name__}"
-        raise source.refused("", limit, "export it again") from None
-    return recorded(source, "tdms", _once(arrays), metadata)
+        raise source.error("", limit, "export it again") from None
+    return recorded(source, "tdms", _without_repeated_times(arrays), metadata)
 
 
 def _check_segments(data: bytes) -> None:
-    """Raise `ValueError` if bytes were added or lost, so that the segments are not contiguous to the end of the file.
+    """Raise `ValueError` if bytes were added or lost, so that the segments do not fill the file.
 
     Each segment begins with a lead-in of 28 bytes; the number of bytes that follow the lead-in is at byte 12.
     """
-    place = 0
-    while place < len(data):
-        if data[place : place + len(_MAGIC)] != _MAGIC:
+    offset = 0
+    while offset < len(data):
+        if data[offset : offset + len(_MAGIC)] != _MAGIC:
             raise ValueError("a segment does not begin at the end of the previous one")
-        place += _LEAD_IN + int.from_bytes(data[place + 12 : place + 20], "little")
-    if place != len(data):
+        offset += _LEAD_IN + int.from_bytes(data[offset + 12 : offset + 20], "little")
+    if offset != len(data):
         raise ValueError("the last segment does not end at the end of the file")
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:
-    """Return a channel, preceded by its time if it is a waveform; time stamps become seconds from the first stamp."""
+    """Return a channel, after its time if it is a waveform; time stamps become seconds since the first of them."""
     values = np.asarray(channel[:])
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":
@@ -76,11 +76,11 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
     return arrays
 
 
-def _once(arrays: list[Array]) -> list[Array]:
-    """Remove repeated times, which occur because each waveform has a separate time."""
-    once: list[Array] = []
+def _without_repeated_times(arrays: list[Array]) -> list[Array]:
+    """Return the arrays without repetitions, which occur because each waveform has its own time."""
+    kept: list[Array] = []
     for array in arrays:
-        same = any(array.name == other.name and np.array_equal(array.values, other.values) for other in once)
-        if not same:
-            once.append(array)
-    return once
+        repeated = any(array.name == other.name and np.array_equal(array.values, other.values) for other in kept)
+        if not repeated:
+            kept.append(array)
+    return kept

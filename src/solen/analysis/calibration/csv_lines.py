@@ -13,7 +13,7 @@ import numpy as np
 from solen.errors import DataError
 from solen.recording import Channel, Provenance, Recording
 from solen.recording.numbers import is_number, parse
-from solen.recording.words import heading
+from solen.recording.headings import heading
 
 STDIN = "-"
 _SEPARATORS = (";", "\t", ",")

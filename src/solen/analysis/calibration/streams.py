@@ -24,7 +24,7 @@ from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import (
     by_sensor,
     column_of,
-    existing,
+    column_list,
     force_in_volts,
     is_companion,
     left_right,
@@ -88,7 +88,7 @@ def recorded_stream(
         truth: AngleSource = "optional" if _has(recording, own) else "elsewhere"
         for emitter, samples in waveforms(recording, own, angle=truth).items():
             label = ".".join(filter(None, (group, emitter))) or path.stem
-            for name, receivers in by_sensor(samples.receivers, label, alone=True).items():
+            for name, receivers in by_sensor(samples.receivers, label, single_file=True).items():
                 sides = left_right(tuple(receivers))
                 if sides is not None:
                     places = [list(receivers.values())[side] for side in sides]
@@ -186,7 +186,7 @@ class _Layout:
         elif options.rate_hz is None:
             time = column_of(header, "time")
             if time is None:
-                remedy = f"name the column with --time, or specify the rate with --rate-hz; {existing(header)}"
+                remedy = f"name the column with --time, or specify the rate with --rate-hz; {column_list(header)}"
                 raise DataError(STDIN, limit="no column is recognised as a time column", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         warnings: list[Caution] = []
@@ -216,6 +216,6 @@ def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
     ]
     if len(columns) != 1:
         limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver, but exactly one is required"
-        remedy = f"name the column with --channel {side}=COLUMN; {existing(header)}"
+        remedy = f"name the column with --channel {side}=COLUMN; {column_list(header)}"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     return columns[0]

@@ -23,7 +23,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.ranks import Caution
 from solen.recording import Channel, Provenance, Recording, read_parts
-from solen.recording.column_roles import column_of, existing, is_companion
+from solen.recording.column_roles import column_list, column_of, is_companion
 from solen.units import factor
 
 _TURN = 1.5  # largest duration of a turn, in usual intervals of an emitter's readings
@@ -189,7 +189,7 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
     def column(name: str) -> FloatArray:
         found = next((channel for channel in recording.channels if channel.name == name), None)
         if found is None:
-            raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=existing(recording))
+            raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=column_list(recording))
         return found.values
 
     return _Lit(
@@ -229,7 +229,7 @@ def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:
-        raise DataError(file, limit="no column is recognised as the time", remedy=existing(recording))
+        raise DataError(file, limit="no column is recognised as the time", remedy=column_list(recording))
     warnings: list[Caution] = []
     return time, time_scale(time, None, file, warnings), warnings
 
@@ -246,12 +246,12 @@ def _of_table(recording: Recording) -> NetworkReadings:
             )
     emitters, receivers = (tuple(dict.fromkeys(pair[place] for pair in powers)) for place in (0, 1))
     if not powers:
-        remedy = f"name a column for each power, EMITTER.RECEIVER; {existing(recording)}"
+        remedy = f"name a column for each power, EMITTER.RECEIVER; {column_list(recording)}"
         raise DataError(file, limit="contains no columns of powers by emitter and receiver", remedy=remedy)
     for pair in ((lit, read) for lit in emitters for read in receivers):
         if pair not in powers:
             limit = f"contains no column {'.'.join(pair)}, but every emitter requires a column for every receiver"
-            raise DataError(file, limit=limit, remedy=existing(recording))
+            raise DataError(file, limit=limit, remedy=column_list(recording))
     angles = _angles(recording)
     columns = [channel.values for channel in recording.channels]
     marks = np.zeros(len(time.values))

@@ -343,9 +343,9 @@ def _of_table(path: Path) -> list[list[float]]:
             value = parse(cells.rows[row][column], mark)
         except ValueError as bad:
             limit = f"must contain rows of numbers; this cell {bad}"
-            raise cells.refused(row, column, limit, "use one separator; begin other lines with #") from None
+            raise cells.error(row, column, limit, "use one separator; begin other lines with #") from None
         if math.isnan(value):
-            raise cells.refused(row, column, "must be a finite number", "use a rectangle without gaps")
+            raise cells.error(row, column, "must be a finite number", "use a rectangle without gaps")
         return value
 
     return [[number(row, column) for column in range(width)] for row, width in zip(rows, widths, strict=True)]

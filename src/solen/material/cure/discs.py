@@ -229,7 +229,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         sources=(recording.provenance,),
         warnings=(
             *_unusual(curve),
-            *(channel.remark for channel in recording.channels if channel.note and channel.name in table.columns),
+            *(channel.caution for channel in recording.channels if channel.note and channel.name in table.columns),
             *beside,
             *table.warnings,
             *cautions(curve),

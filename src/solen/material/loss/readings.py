@@ -110,7 +110,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
         sources=(recording.provenance,),
         warnings=(
             *_unusual(loss, recording.need(*LENGTHS).unit),
-            *(channel.remark for channel in recording.channels if channel.note and channel.name in rows.columns),
+            *(channel.caution for channel in recording.channels if channel.note and channel.name in rows.columns),
             *beside,
             *rows.warnings,
             *_launch_unknown(launched_dB),

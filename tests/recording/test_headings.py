@@ -1,8 +1,8 @@
-"""Headers: what is a unit and what only looks like one; what a word means beside its unit."""
+"""Column headers: units, strings that only look like units, and the meaning of words with a unit."""
 
 import pytest
 
-from solen.recording.words import heading, is_label, stated_unit
+from solen.recording.headings import heading, is_label, is_measurement_unit
 from solen.units import factor, is_unit
 
 
@@ -62,35 +62,35 @@ from solen.units import factor, is_unit
     ],
 )
 def test_name_unit_and_quantity(text: str, name: str, unit: str, quantity: str) -> None:
-    found = heading(text)
-    assert (found.name, found.unit, found.quantity) == (name, unit, quantity)
+    result = heading(text)
+    assert (result.name, result.unit, result.quantity) == (name, unit, quantity)
 
 
 @pytest.mark.parametrize(
     ("text", "quantity"), [("T", "transmittance"), ("film_R", "reflectance"), ("A", ""), ("h", "")]
 )
-def test_letters_beside_a_wavelength_are_an_opticians(text: str, quantity: str) -> None:
+def test_optical_meaning_of_letters(text: str, quantity: str) -> None:
     assert heading(text, optical=True).quantity == (quantity or heading(text).quantity)
 
 
-def test_a_row_of_units_counts() -> None:
+def test_unit_row_determines_quantity() -> None:
     assert heading("Traverse abs.", "[mm]").unit == "mm"
     assert heading("Dehnung", "-").unit == "1"
     assert heading("t", "µm").quantity == "thickness"
 
 
-def test_which_texts_are_units() -> None:
-    assert all(map(stated_unit, ["N/mm²", "%", "mW/cm2", "1/cm", "cm^-1", "-", "µm", "μm", "sek", "°"]))
-    assert not any(map(stated_unit, ["R", "T", "abc", "Probe", "", "a.u.", "2", "N or kN", "m" * 200]))
+def test_measurement_units() -> None:
+    assert all(map(is_measurement_unit, ["N/mm²", "%", "mW/cm2", "1/cm", "cm^-1", "-", "µm", "μm", "sek", "°"]))
+    assert not any(map(is_measurement_unit, ["R", "T", "abc", "Probe", "", "a.u.", "2", "N or kN", "m" * 200]))
 
 
-def test_columns_that_name_their_rows() -> None:
+def test_label_columns() -> None:
     assert all(map(is_label, ["Replicate", "build_orientation", "Sample", "Ausrichtung", "orientation (deg)"]))
     assert not any(map(is_label, ["thickness_um", "power", "sample thickness"]))
 
 
 @pytest.mark.parametrize(
-    ("unit", "wanted", "expected"),
+    ("unit", "target", "expected"),
     [
         ("µm", "nm", 1000.0),
         ("μm", "mm", 0.001),
@@ -110,10 +110,10 @@ def test_columns_that_name_their_rows() -> None:
         ("nonsense", "1", None),
     ],
 )
-def test_factors(unit: str, wanted: str, expected: float | None) -> None:
-    assert factor(unit, wanted) == expected  # to the last digit: 1000 and not 999.9999999999999
+def test_conversion_factors(unit: str, target: str, expected: float | None) -> None:
+    assert factor(unit, target) == expected  # exactly: 1000 and not 999.9999999999999
 
 
-def test_an_empty_text_is_the_unit_of_a_pure_number() -> None:
+def test_empty_string_is_dimensionless() -> None:
     assert is_unit("")
     assert factor("", "%") == 100.0

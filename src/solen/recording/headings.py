@@ -1,9 +1,9 @@
-"""Column headers: name, unit and quantity, in the spellings of instruments (English and German) and people.
+"""Column headers: name, unit and quantity, in spellings of instruments and people (English and German).
 
 ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. Text in brackets or at the
-end is interpreted as a unit only if it is a unit that fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
-symbol and the ``_s`` of ``R_s`` a polarisation; neither is a unit. The unit determines the meaning of an ambiguous
-word: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
+end is a unit only if it can be one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a symbol, and the
+``_s`` of ``R_s`` a polarisation. The unit determines the meaning of an ambiguous word: ``T (°C)`` is a temperature, ``T
+(%)`` a transmittance.
 
 Public names: `heading`, `quantity_of` and `is_label`.
 """
@@ -15,7 +15,7 @@ from itertools import pairwise
 
 from solen.units import factor, is_unit
 
-_EXAMPLES = {
+_UNIT_OF = {
     "wavelength": "nm",
     "transmittance": "1",
     "reflectance": "1",
@@ -47,7 +47,7 @@ _EXAMPLES = {
     "speed": "mm/s",
     "wavenumber": "1/cm",
 }
-"""The quantities that a header can denote, each with an example of its unit."""
+"""The quantities that a header can denote, each with one of its units."""
 
 _WORDS = {
     "wavelength": "wavelength, wavelengths, wave, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
@@ -100,10 +100,10 @@ _UNITS = (
     "arcmin arcsec K degC °C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml pF nF fF lux lx "
     "counts"
 )
-_TOKENS = frozenset(_UNITS.split())
+_UNIT_WORDS = frozenset(_UNITS.split())
 _ANY_CASE = {"sek", "sec", "deg", "ohm", "ohms", "kohm"}
 _PREFIXES = {"": "", "milli": "m", "micro": "µ", "nano": "n", "kilo": "k"}
-_IN_WORDS = (
+_UNITS_IN_WORDS = (
     {
         f"{before}{word}{plural}": f"{sign}{symbol}"
         for word, symbol in {"volt": "V", "amp": "A", "ampere": "A", "ohm": "ohm", "second": "s", "newton": "N"}.items()
@@ -115,19 +115,19 @@ _IN_WORDS = (
     | {"nm.": "nm"}
 )
 """Units written in words by LabVIEW."""
-_MAX_HEADER_LENGTH = 120  # most letters of a header; longer text is prose
+_MAX_HEADER_LENGTH = 120  # maximum number of characters of a header; longer text is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
-_PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
+_DIMENSIONLESS = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
 
-_LETTERS = str.maketrans({"μ": "µ", "²": "2", "³": "3", "¹": "1", "⁻": "-"})
+_EQUIVALENTS = str.maketrans({"μ": "µ", "²": "2", "³": "3", "¹": "1", "⁻": "-"})
 _BRACKET = re.compile(r"(.+?)\s*(?:\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\])")
 _SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
 _IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
 _LAST = re.compile(r"(.+?)\s+(\S+)")
 _PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])((?:\s.*)?)")
-_CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # MTS' names of channels
+_CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # channel names of MTS
 _PERCENT_OF = re.compile(r"%\s*(\w{2,})")
-_DOSED = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
+_EXPOSURE = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
 _OPTICAL = {"transmittance", "reflectance", "absorbance", "absorptance"}
 AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
 """Headers that consist only of the unit of a spectral axis."""
@@ -144,7 +144,7 @@ class Heading:
 
 
 def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
-    """Return the name, unit and quantity in a header text.
+    """Return the name, unit and quantity in a header.
 
     Parameters
     ----------
@@ -153,93 +153,95 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
     unit
         The cell in the unit row below, if there is one.
     optical
-        Whether the axis is a wavelength, for which T, R and A have their optical meaning.
+        Whether the axis is a wavelength, so that T, R and A have their optical meaning.
     """
     text = " ".join(text.split())
     if len(text) > _MAX_HEADER_LENGTH:
         return Heading(text, unit, "")
     if unit:
-        return _made(text, _unit_text(unit), optical)
+        return _heading_of(text, _unit_text(unit), optical)
     if text in AXES:
         return Heading(AXES[text], text, AXES[text])
     before = _PERCENT_OF.fullmatch(text)
     if before and _meanings(before[1]):
-        return _made(before[1], "%", optical)
-    dosed = _DOSED.fullmatch(text)
-    if optical and dosed and (meant := heading(dosed[1] + dosed[4], optical=True)).quantity in _OPTICAL:
-        return Heading(f"{meant.name} {dosed[2]} {dosed[3]}", meant.unit, meant.quantity)
+        return _heading_of(before[1], "%", optical)
+    exposure = _EXPOSURE.fullmatch(text)
+    if optical and exposure and (inner := heading(exposure[1] + exposure[4], optical=True)).quantity in _OPTICAL:
+        return Heading(f"{inner.name} {exposure[2]} {exposure[3]}", inner.unit, inner.quantity)
     percent = _PERCENT.fullmatch(text)
     if percent:
         letter = percent[2] or percent[3]
-        alone = not (percent[1] + percent[4]).strip()
-        return Heading(letter if alone else text, "%", _PERCENTS[letter])
-    return _split(text, optical) or _made(text, "", optical)
+        only_letter = not (percent[1] + percent[4]).strip()
+        return Heading(letter if only_letter else text, "%", _PERCENTS[letter])
+    return _split(text, optical) or _heading_of(text, "", optical)
 
 
 def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
-    """Return the quantity that a name denotes; empty if it denotes none or if its unit is of another kind."""
-    meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
-    if optical and not meant:
-        meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
-    seen = [one for one in meant if one in _OPTICAL]
-    if optical and seen:
-        return seen[0]
-    return meant[0] if len(meant) == 1 or (meant and unit) else ""
+    """Return the quantity that a name denotes; empty if it denotes none, or none with this unit."""
+    quantities = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
+    if optical and not quantities:
+        quantities = [
+            meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)
+        ]
+    optical_ones = [quantity for quantity in quantities if quantity in _OPTICAL]
+    if optical and optical_ones:
+        return optical_ones[0]
+    return quantities[0] if len(quantities) == 1 or (quantities and unit) else ""
 
 
 def is_label(text: str) -> bool:
-    """Whether a column labels its rows: replicate, sample, orientation."""
+    """Return whether a column labels its rows: replicate, sample, orientation."""
     return plain(text) in _label_words() or plain(heading(text).name) in _label_words()
 
 
 def plain(name: str) -> str:
-    """Return a name without spelling differences: case, underscores and spaces."""
+    """Return a name in lower case, with single spaces in place of underscores and spaces."""
     return " ".join(name.replace("_", " ").casefold().split())
 
 
-def stated_unit(text: str) -> bool:
-    """Whether a text is a unit used in measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
+def is_measurement_unit(text: str) -> bool:
+    """Return whether a string is a unit used in measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
     text = text.strip()
     if len(text) > _MAX_HEADER_LENGTH:
         return False
     if text == "nm.":  # PerkinElmer's abbreviation
         return True
-    tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
-    known = bool(tokens) and all(token in _TOKENS or token.lower() in _ANY_CASE for token in tokens)
-    return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text or text == "counts"))
+    tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_EQUIVALENTS))
+    known = bool(tokens) and all(token in _UNIT_WORDS or token.lower() in _ANY_CASE for token in tokens)
+    return text in _DIMENSIONLESS or (known and (is_unit(text) or "dB" in text or "°C" in text or text == "counts"))
 
 
 def is_mode(text: str) -> bool:
-    """Whether a text is a spectrophotometer mode such as ``%T``, which is both a unit and a name."""
+    """Return whether a string is a spectrophotometer mode such as ``%T``, which is both a unit and a name."""
     match = _PERCENT.fullmatch(text.strip())
     return match is not None and not match[4]
 
 
 def _split(text: str, optical: bool) -> Heading | None:
-    """Return the heading for a text that contains a unit; otherwise None."""
+    """Return the heading of a header that contains a unit; otherwise None."""
     bracket = _BRACKET.fullmatch(text)
     if bracket:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
         if inner.strip().lower() in _NO_UNIT:
-            return _made(name, "" if optical or _OPTICAL & {*_meanings(name)} else "a.u.", optical)
+            return _heading_of(name, "" if optical or _OPTICAL & {*_meanings(name)} else "a.u.", optical)
         if inner.strip() == "" or _is_unit_of(name, inner, bracketed=True):
-            return _made(name, _unit_text(inner), optical)
-        return _made(name, "", optical) if _meanings(name) else None
+            return _heading_of(name, _unit_text(inner), optical)
+        return _heading_of(name, "", optical) if _meanings(name) else None
     for form in (_SLASH, _IN, _LAST):
         match = form.fullmatch(text)
-        volts = form is _SLASH and match is not None and match[2] == "V"  # U_L/V is a quotient, sample/A a name
-        if match and _is_unit_of(match[1], match[2].strip("()"), bracketed=volts):
-            return _made(match[1], _unit_text(match[2].strip("()")), optical)
+        in_volts = form is _SLASH and match is not None and match[2] == "V"  # U_L/V is a quotient, sample/A a name
+        if match and _is_unit_of(match[1], match[2].strip("()"), bracketed=in_volts):
+            return _heading_of(match[1], _unit_text(match[2].strip("()")), optical)
     return _suffixed(text, optical)
 
 
 def _suffixed(text: str, optical: bool) -> Heading | None:
-    """Return the heading for a name that ends in a unit, such as ``dose_mJ_per_cm2``."""
+    """Return the heading of a name that ends in a unit, such as ``dose_mJ_per_cm2``; otherwise None."""
     parts = text.split("_")
     for start in range(1, len(parts)):
         name, unit = "_".join(parts[:start]), _unit_of_parts(parts[start:])
         if name and unit and _is_unit_of(name, unit):
-            return _made(name, unit, optical)
+            return _heading_of(name, unit, optical)
     return None
 
 
@@ -254,19 +256,19 @@ def _unit_of_parts(parts: list[str]) -> str:
 
 
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
-    """Whether a text is a unit and, if the quantity is known, a suitable unit for it.
+    """Return whether a string is a unit and, if the quantity is known, fits it.
 
     Brackets after a single letter always contain its unit: the ``b`` of ``b (V)`` is not a width.
     """
     unit = unit.strip()
-    if not stated_unit(unit):
+    if not is_measurement_unit(unit):
         return False
-    meant = _meanings(name)
-    fits = any(_fits(one, _unit_text(unit)) for one in meant)
-    if fits or (meant and (len(name) > 1 or not bracketed)):
+    quantities = _meanings(name)
+    fits = any(_fits(quantity, _unit_text(unit)) for quantity in quantities)
+    if fits or (quantities and (len(name) > 1 or not bracketed)):
         return fits
     letter = len(unit) == 1 and unit.isalpha()
-    return unit not in _PURE and (not letter or (bracketed and unit != "A"))  # these are labels: sample A, film 1
+    return unit not in _DIMENSIONLESS and (not letter or (bracketed and unit != "A"))  # sample A and film 1 are labels
 
 
 def _fits(quantity: str, unit: str) -> bool:
@@ -274,21 +276,21 @@ def _fits(quantity: str, unit: str) -> bool:
         return quantity == "power"
     if "°C" in unit:
         return quantity == "temperature"
-    return factor(unit, _EXAMPLES[quantity]) is not None
+    return factor(unit, _UNIT_OF[quantity]) is not None
 
 
 def _unit_text(unit: str) -> str:
     unit = unit.strip().strip("[]()").strip()
-    return "1" if unit in _PURE or unit == "" else _IN_WORDS.get(unit.casefold(), unit)
+    return "1" if unit in _DIMENSIONLESS or unit == "" else _UNITS_IN_WORDS.get(unit.casefold(), unit)
 
 
-def _made(name: str, unit: str, optical: bool) -> Heading:
+def _heading_of(name: str, unit: str, optical: bool) -> Heading:
     quantity = quantity_of(name, unit, optical=optical)
     return Heading(name, unit, quantity or (_PERCENTS.get(unit[1:], "") if unit.startswith("%") else ""))
 
 
 @cache
-def _by_word() -> dict[str, list[str]]:
+def _quantities_of_words() -> dict[str, list[str]]:
     rows: dict[str, list[str]] = {}
     for quantity, words in _WORDS.items():
         for word in words.split(", "):
@@ -302,10 +304,10 @@ def _label_words() -> frozenset[str]:
 
 
 def _meanings(name: str) -> list[str]:
-    """Return the quantities that a name can denote; the case of a single letter matters, as T and t differ."""
+    """Return the quantities that a name can denote; single letters are case-sensitive, because T and t differ."""
     if name in {"T", "R", "A"}:
         return {"T": ["transmittance", "temperature"], "R": ["reflectance", "resistance"], "A": []}[name]
     if name == "t":
         return ["time", "thickness"]
     channel = _CHANNEL.fullmatch(name)
-    return _by_word().get(plain(channel[1] if channel else name), [])
+    return _quantities_of_words().get(plain(channel[1] if channel else name), [])
