@@ -23,8 +23,8 @@ from solen.errors import DataError, SolenError, SpecError
 from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Channel, Recording
 from solen.recording.column_roles import column_list, column_of, force_in_volts, named_column, unit_of
-from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
 from solen.recording.headings import plain
+from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
 from solen.units import factor
 
 if TYPE_CHECKING:

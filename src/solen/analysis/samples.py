@@ -20,15 +20,15 @@ from solen.recording import Channel, Recording
 from solen.recording.column_roles import (
     ENDS_IN_V,
     NAMED_UNITS,
+    column_list,
     column_of,
     companion,
-    column_list,
     named_column,
     receiver_columns,
     side_of,
 )
-from solen.recording.stimulus import ANGLE
 from solen.recording.headings import plain
+from solen.recording.stimulus import ANGLE
 from solen.units import factor
 
 _BRACKETED = re.compile(
@@ -139,7 +139,8 @@ def _time_s(
     channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name the time column with {named[0]}, or specify the rate with {named[1]}; {column_list(recording)}"
+            remedy = f"name the time column with {named[0]}, or specify the rate with {named[1]}; "
+            remedy += column_list(recording)
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     return channel.values * time_scale(channel, options.time_unit, file, warnings)

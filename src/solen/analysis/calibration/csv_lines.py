@@ -12,8 +12,8 @@ import numpy as np
 
 from solen.errors import DataError
 from solen.recording import Channel, Provenance, Recording
-from solen.recording.numbers import is_number, parse
 from solen.recording.headings import heading
+from solen.recording.numbers import is_number, parse
 
 STDIN = "-"
 _SEPARATORS = (";", "\t", ",")

@@ -23,8 +23,8 @@ from solen.ranks import Caution
 from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import (
     by_sensor,
-    column_of,
     column_list,
+    column_of,
     force_in_volts,
     is_companion,
     left_right,

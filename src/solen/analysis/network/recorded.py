@@ -189,7 +189,8 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
     def column(name: str) -> FloatArray:
         found = next((channel for channel in recording.channels if channel.name == name), None)
         if found is None:
-            raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=column_list(recording))
+            what = f"{recording.provenance.file}: {name}"
+            raise DataError(what, limit="no such column", remedy=column_list(recording))
         return found.values
 
     return _Lit(
