@@ -66,5 +66,5 @@ def test_rejects_other_files_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(DataError, match="is a damaged workbook"):
         read(saved(tmp_path, intact[:700]))
     monkeypatch.setitem(sys.modules, "xlrd", None)
-    with pytest.raises(DataError, match=r"needs xlrd.*pip install.*\.xlsx or CSV"):
+    with pytest.raises(DataError, match=r"requires xlrd.*pip install.*\.xlsx or CSV"):
         read(saved(tmp_path, intact))
