@@ -262,7 +262,7 @@ def test_the_stated_error_of_nets_covers(lens: dict[str, object]) -> None:
 def test_what_such_a_lens_cannot_do_is_refused() -> None:
     scene = sensor(LINE).scene(-1.0, 100)
     with pytest.raises(DesignError, match=r"line-focus.*cartesian-oval"):
-        sensor(LINE).body().upright()
+        sensor(LINE).body().prism()
     with pytest.raises(DesignError, match="cannot be written as JSON"):
         dumps(scene)
     with pytest.raises(DesignError, match="monitors"):

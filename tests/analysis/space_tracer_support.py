@@ -40,7 +40,7 @@ def powers(
     replaced by the chip. A receiver sees a beam as the cosine of its angle in air to the ``exponent``.
     """
     body = sensor.body(angle_deg)
-    walls = [(face.curve, _receiver(face.whose) if face.part == "receiver" else -1) for face in body.all_faces]
+    walls = [(face.curve, _receiver(face.label) if face.part == "receiver" else -1) for face in body.all_faces]
     chords, normals, owner = (np.concatenate(part) for part in zip(*(_chords(*wall) for wall in walls), strict=True))
     u = qmc.Sobol(4, rng=np.random.default_rng(seed)).random_base2(log2_rays)
     found = _traced(

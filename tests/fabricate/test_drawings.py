@@ -95,7 +95,7 @@ def test_every_kind_of_curve_comes_back(kind: str, tmp_path: Path) -> None:
     body = motley().check()
     chosen, back = read_back(body, kind, tmp_path)
     assert len(back.outlines) == 2
-    assert [face.name for face in back.apart] == ["receiver-far"]
+    assert [face.name for face in back.separate] == ["receiver-far"]
     assert back.emitter.point == pytest.approx((2.0, -3.0), abs=1e-11)
     assert (back.emitter.axis_deg, back.emitter.width_mm) == pytest.approx((0.0, 0.2), abs=1e-9)
     fitted_mm2 = 1e-6 * 2.5  # the conic is 2.5 mm long, its B-spline within 1 nm

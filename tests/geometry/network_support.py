@@ -1,4 +1,4 @@
-"""Networks for tests: the Y as one, and random trees of guides."""
+"""Networks for tests: the Y as a network, random trees of guides, and a network with two emitters."""
 
 import random
 from typing import Any
@@ -10,7 +10,7 @@ Tables = dict[str, Any]
 
 
 def y_network(design: Design, **network: Any) -> Design:
-    """The Y of a design as a network: a flared stem, and two arms that are flush with its sides."""
+    """Return the Y of a design as a network: a flared stem, and two arms that are flush with its sides."""
     body, half_mm = design.body, design.lens.half_width_mm
     arms = [
         {
@@ -51,36 +51,36 @@ def y_network(design: Design, **network: Any) -> Design:
 
 
 def random_network(seed: int) -> Design:
-    """A tree of guides of random widths, turns and fillets: a lens on its first end, receivers on the others."""
-    dice = random.Random(seed)  # noqa: S311  of shapes
+    """Return a tree of guides with random widths, turns and fillets, a lens on the first end, receivers on others."""
+    rng = random.Random(seed)  # noqa: S311  for shapes
     nodes: list[Tables] = [{"name": "n0"}]
     guides: list[Tables] = []
 
     def grow(node: str, heading_deg: float, depth: int) -> None:
-        count = 1 if depth == 0 else dice.choice([0, 1, 2, 2, 3]) if depth < 3 else 0
+        count = 1 if depth == 0 else rng.choice([0, 1, 2, 2, 3]) if depth < 3 else 0
         for i in range(count):
-            even = -60.0 + 120.0 * i / (count - 1) if count > 1 else 0.0
-            lean = even + dice.uniform(-8.0, 8.0)
-            width, turn = dice.uniform(0.8, 2.5), dice.choice([0.0, 0.0, dice.uniform(-40.0, 40.0)])
-            widths = [(width,), (width, dice.uniform(-0.02, 0.02)), (width, 0.0, dice.uniform(-0.002, 0.004))]
-            nodes.append({"name": f"n{len(nodes)}", "fillet_mm": dice.choice([0.0, dice.uniform(0.05, 0.3)])})
+            spread = -60.0 + 120.0 * i / (count - 1) if count > 1 else 0.0
+            direction = spread + rng.uniform(-8.0, 8.0)
+            width, turn = rng.uniform(0.8, 2.5), rng.choice([0.0, 0.0, rng.uniform(-40.0, 40.0)])
+            widths = [(width,), (width, rng.uniform(-0.02, 0.02)), (width, 0.0, rng.uniform(-0.002, 0.004))]
+            nodes.append({"name": f"n{len(nodes)}", "fillet_mm": rng.choice([0.0, rng.uniform(0.05, 0.3)])})
             guides.append(
                 {
                     "name": f"g{len(guides)}",
                     "nodes": (node, nodes[-1]["name"]),
-                    "width_mm": dice.choice([*widths, (width, 0.01, 0.0, 1e-4)]),
-                    "direction_deg": (heading_deg + lean + 180.0) % 360.0 - 180.0,
-                    "length_mm": dice.uniform(9.0, 18.0) / (1.0 + 0.3 * depth),
+                    "width_mm": rng.choice([*widths, (width, 0.01, 0.0, 1e-4)]),
+                    "direction_deg": (heading_deg + direction + 180.0) % 360.0 - 180.0,
+                    "length_mm": rng.uniform(9.0, 18.0) / (1.0 + 0.3 * depth),
                     "turn_deg": turn,
                 }
             )
-            grow(nodes[-1]["name"], heading_deg + lean + turn, depth + 1)
+            grow(nodes[-1]["name"], heading_deg + direction + turn, depth + 1)
 
     grow("n0", 0.0, 0)
-    met = [node for guide in guides for node in guide["nodes"]]
+    guide_nodes = [node for guide in guides for node in guide["nodes"]]
     for node in nodes:
-        node["fillet_mm"] = node.get("fillet_mm", 0.0) if met.count(node["name"]) > 1 else 0.0
-    ends = [node["name"] for node in nodes[1:] if met.count(node["name"]) == 1]
+        node["fillet_mm"] = node.get("fillet_mm", 0.0) if guide_nodes.count(node["name"]) > 1 else 0.0
+    ends = [node["name"] for node in nodes[1:] if guide_nodes.count(node["name"]) == 1]
     return Design(
         name=f"random {seed}",
         material={"index": 1.44},
@@ -100,7 +100,7 @@ INDEX = 1.44
 
 
 def three_guides(**network: Any) -> Design:
-    """A trunk from a lens to a node, a branch to a second lens on the right, and one to a receiver on the left."""
+    """Return a trunk with a lens, a branch to a second lens on the right, and one to a receiver on the left."""
     guides = [
         {"name": "trunk", "nodes": ("base", "fork"), "width_mm": 3.0, "direction_deg": 0.0, "length_mm": 12.0},
         {"name": "branch", "nodes": ("fork", "tip"), "width_mm": 2.0, "direction_deg": -40.0, "length_mm": 10.0},
@@ -129,7 +129,7 @@ def three_guides(**network: Any) -> Design:
     )
 
 
-WAYS = [
+MOTIONS = [
     {"name": "lean", "kind": "bend", "part": "branch", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
     {"name": "swing", "kind": "rotation", "part": "other", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
 ]

@@ -1,4 +1,4 @@
-"""The registry of body kinds: a kind from outside the package is built, refused and described like the others."""
+"""The registry of body kinds: a kind from outside the package is built, checked and documented like the others."""
 
 from collections.abc import Iterator
 
@@ -18,34 +18,34 @@ def design(**body: object) -> Design:
 
 
 @pytest.fixture
-def twin() -> Iterator[None]:
-    """A kind of its own: a Y whose emitter never moves."""
+def fixed_emitter_kind() -> Iterator[None]:
+    """Register the kind ``twin``: a Y whose emitter does not move."""
 
-    def build(of: Design, lens: Lens | None, angle_deg: float) -> Body:
+    def build(design: Design, lens: Lens | None, angle_deg: float) -> Body:
         assert lens is not None
-        found = y_body(of, lens, angle_deg)
-        return Body(found.faces, Pose((0.0, -of.emitter.distance_mm), 0.0), found.marks)
+        y = y_body(design, lens, angle_deg)
+        return Body(y.faces, Pose((0.0, -design.emitter.distance_mm), 0.0), y.marks)
 
     register("twin", BodyKind(build, {"body": ("file",)}))
     yield
     del BODY_KINDS.own["twin"], UNUSED_KEYS["twin"]
 
 
-@pytest.mark.usefixtures("twin")
-def test_a_kind_from_outside_is_built_and_its_keys_are_checked() -> None:
-    made = design(kind="twin")
-    lens = lens_of(made, 1.44)
-    assert body_of(made, lens, -3.0).faces == y_body(design(), lens, -3.0).faces
-    assert body_of(made, lens, -3.0).emitter == body_of(made, lens).emitter
+@pytest.mark.usefixtures("fixed_emitter_kind")
+def test_builds_registered_kind_and_checks_its_keys() -> None:
+    kind_design = design(kind="twin")
+    lens = lens_of(kind_design, 1.44)
+    assert body_of(kind_design, lens, -3.0).faces == y_body(design(), lens, -3.0).faces
+    assert body_of(kind_design, lens, -3.0).emitter == body_of(kind_design, lens).emitter
     with pytest.raises(SpecError, match=r"body\.file.*twin"):
         design(kind="twin", file="a.dxf")
     assert "twin" in Design.model_json_schema()["$defs"]["Body"]["properties"]["kind"]["enum"]
 
 
-def test_an_unknown_kind_is_refused_with_the_known_ones() -> None:
+def test_refuses_unknown_kind() -> None:
     with pytest.raises(SpecError, match=r"body\.kind = 'cross'; must be 'y' or 'outline'"):
         design(kind="cross")
 
 
-def test_a_drawn_lens_is_not_computed() -> None:
+def test_kinds_with_drawn_lens() -> None:
     assert [name for name, kind in BODY_KINDS.items() if kind.lens_is_drawn] == ["outline", "network"]

@@ -1,4 +1,4 @@
-"""A displaced body: rigid motions stay exact, smooth ones are followed, corners stay closed, parts are carried."""
+"""A displaced body: exact rigid motions, smooth deformations, closed corners, and parts that move with their faces."""
 
 import math
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import pytest
 from solen.arrays import FloatArray
 from solen.curve import CartesianOval, Measure, Spline
 from solen.errors import DesignError
-from solen.geometry import Body, Touch, bend_of, displaced, y_body
+from solen.geometry import Body, ContactSegment, bend_of, displaced, y_body
 from solen.geometry.displaced import DisplacedCurve
 from solen.lens import lens_of
 from solen.plane import Rigid
@@ -20,13 +20,13 @@ from solen.sensor import Sensor
 from solen.spec import Design
 from solen.trace import integrate
 
-TURN = Rigid.about((0.3, 5.0), -2.0)
-PLACES = np.linspace(0.0, 1.0, 33)
+ROTATION = Rigid.about((0.3, 5.0), -2.0)
+PARAMETERS = np.linspace(0.0, 1.0, 33)
 Field = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Moved:
+class Displacement:
     u: FloatArray
     displacement_mm: FloatArray
 
@@ -35,51 +35,53 @@ def design(**tables: Any) -> Design:
     return Design.model_validate({"name": "test", "material": {"index": 1.44}} | tables)
 
 
-def rest(**tables: Any) -> Body:
+def body_at_rest(**tables: Any) -> Body:
     made = design(**tables)
     return y_body(made, lens_of(made, 1.44))
 
 
-def moves(body: Body, field: Field) -> dict[str, Moved]:
-    return {face.name: Moved(PLACES, field(face.curve.points(PLACES))) for face in body.all_faces}
+def displacements(body: Body, field: Field) -> dict[str, Displacement]:
+    return {face.name: Displacement(PARAMETERS, field(face.curve.points(PARAMETERS))) for face in body.all_faces}
 
 
-def turned(at: FloatArray) -> FloatArray:
-    return TURN.points(at) - at
+def rotation_field(at: FloatArray) -> FloatArray:
+    return ROTATION.points(at) - at
 
 
-def rippled(at: FloatArray) -> FloatArray:
-    """A turn with a smooth ripple of 1e-8 mm, so that nothing is rigid."""
-    return turned(at) + 1e-8 * np.column_stack([np.sin(at[:, 1] / 4.0), np.cos(at[:, 0] / 4.0)])
+def rippled_rotation_field(at: FloatArray) -> FloatArray:
+    """Return a rotation with a smooth ripple of 1e-8 mm, which is not rigid."""
+    return rotation_field(at) + 1e-8 * np.column_stack([np.sin(at[:, 1] / 4.0), np.cos(at[:, 0] / 4.0)])
 
 
-def test_a_rigid_motion_keeps_every_curve_what_it_is() -> None:
-    body = rest(receivers={"coupling": "air-gap", "gap_mm": 0.5})
-    found = displaced(body, moves(body, turned))
-    assert isinstance(found.body.faces[0].curve, CartesianOval)
-    for face, other in zip((*found.body.faces, *found.body.apart), (*body.faces, *body.apart), strict=True):
-        there = TURN.points(other.curve.points(PLACES))
-        assert np.abs(face.curve.points(PLACES) - there).max() < 1e-12
-    assert found.body.emitter.axis_deg == pytest.approx(-2.0, abs=1e-12)
-    assert found.body.emitter.point == pytest.approx(TURN.point(body.emitter.point), abs=1e-12)
+def test_rigid_motion_preserves_kinds_of_curves() -> None:
+    body = body_at_rest(receivers={"coupling": "air-gap", "gap_mm": 0.5})
+    result = displaced(body, displacements(body, rotation_field))
+    assert isinstance(result.body.faces[0].curve, CartesianOval)
+    for face, face_at_rest in zip(
+        (*result.body.faces, *result.body.separate), (*body.faces, *body.separate), strict=True
+    ):
+        rotated = ROTATION.points(face_at_rest.curve.points(PARAMETERS))
+        assert np.abs(face.curve.points(PARAMETERS) - rotated).max() < 1e-12
+    assert result.body.emitter.axis_deg == pytest.approx(-2.0, abs=1e-12)
+    assert result.body.emitter.point == pytest.approx(ROTATION.point(body.emitter.point), abs=1e-12)
 
 
-def test_without_a_displacement_the_body_is_the_one_at_rest() -> None:
-    body = rest()
-    assert displaced(body, moves(body, np.zeros_like)).body == body
+def test_zero_displacement_gives_body_at_rest() -> None:
+    body = body_at_rest()
+    assert displaced(body, displacements(body, np.zeros_like)).body == body
 
 
 @pytest.mark.parametrize("dimension", ["2d", "extruded"])
-def test_a_turn_through_splines_gives_the_light_of_the_exact_turn(dimension: str) -> None:
+def test_spline_rotation_gives_light_of_exact_rotation(dimension: str) -> None:
     emitter = {"width_mm": 0.2, "offset_mm": 0.03} | ({"pattern": "lambertian"} if dimension == "extruded" else {})
     made = design(emitter=emitter, trace={"dimension": dimension})
     sensor = Sensor.of(made)
     body = sensor.body()
-    found = displaced(body, moves(body, rippled)).body
-    assert all(isinstance(face.curve, Spline) for face in found.faces)
+    moved_body = displaced(body, displacements(body, rippled_rotation_field)).body
+    assert all(isinstance(face.curve, Spline) for face in moved_body.faces)
     contrasts = []
-    for one in (body, found):
-        scene = sensor_scene(made, one, sensor.material)
+    for current in (body, moved_body):
+        scene = sensor_scene(made, current, sensor.material)
         traced = integrate(scene, "power", 1e-5 if dimension == "2d" else 1e-4)
         right, left = (traced.detectors[name].power for name in ("right", "left"))
         contrasts.append((right - left) / (right + left))
@@ -87,129 +89,133 @@ def test_a_turn_through_splines_gives_the_light_of_the_exact_turn(dimension: str
     assert contrasts[1] == pytest.approx(contrasts[0], abs=1e-5 if dimension == "2d" else 2e-4)
 
 
-def test_a_bend_as_a_displacement_is_the_bend() -> None:
+def test_displacement_of_a_bend_gives_bent_body() -> None:
     made = design(motion={"kind": "bend"})
-    body, wanted = rest(), y_body(made, lens_of(made, 1.44), -3.0)
+    body, expected = body_at_rest(), y_body(made, lens_of(made, 1.44), -3.0)
     base = body.marks["stem-base"][1]
     bend = bend_of(None, base, base + 16.2, -3.0)
 
     def field(at: FloatArray) -> FloatArray:
-        goal = bend.section(base).points(at)
+        target = bend.section_motion(base).points(at)
         inside = at[:, 1] > base
-        goal[inside] = bend.places(at[inside])
-        goal[at[:, 1] >= base + 16.2] = at[at[:, 1] >= base + 16.2]
-        return np.asarray(goal - at)
+        target[inside] = bend.bent_points(at[inside])
+        target[at[:, 1] >= base + 16.2] = at[at[:, 1] >= base + 16.2]
+        return np.asarray(target - at)
 
-    still = {
-        name: Moved(PLACES, np.zeros((33, 2))) for name in moves(body, field) if not name.startswith(("lens", "stem"))
+    fixed = {
+        name: Displacement(PARAMETERS, np.zeros((33, 2)))
+        for name in displacements(body, field)
+        if not name.startswith(("lens", "stem"))
     }
-    found = displaced(body, moves(body, field) | still)
-    for face, other in zip(found.body.faces, wanted.faces, strict=True):
-        assert np.abs(face.curve.points(PLACES) - other.curve.points(PLACES)).max() < 1e-6
-    assert found.off_mm < 2e-6  # of the quadratics between the places; the spline is nearer to the bend
-    assert found.carried.angle_deg == pytest.approx(-3.0, abs=1e-9)
+    result = displaced(body, displacements(body, field) | fixed)
+    for face, bent_face in zip(result.body.faces, expected.faces, strict=True):
+        assert np.abs(face.curve.points(PARAMETERS) - bent_face.curve.points(PARAMETERS)).max() < 1e-6
+    assert result.deviation_mm < 2e-6  # from the quadratics between the nodes; the spline is closer to the bend
+    assert result.emitter_motion.angle_deg == pytest.approx(-3.0, abs=1e-9)
 
 
-def test_a_wall_of_several_cubics_keeps_its_corner() -> None:
+def test_wall_of_several_cubics_keeps_corner() -> None:
     corner = Spline(((0.0, 0.0), (0.3, 0.0), (0.6, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 2.0), (1.0, 3.0)))
-    wall = DisplacedCurve(corner, Moved(PLACES, 1e-3 * np.sin(corner.points(PLACES))))
-    goal = corner.points(PLACES) + 1e-3 * np.sin(corner.points(PLACES))
-    (found,) = wall.between((goal[0, 0], goal[0, 1]), (goal[-1, 0], goal[-1, 1]), np.array([]))
-    assert isinstance(found, Spline)
-    ends = np.linalg.norm(found.points(np.linspace(0, 1, 4001))[:, None] - goal[None], axis=2).min(axis=0)
-    assert ends.max() < 2e-3
-    assert np.linalg.norm(np.subtract(found.controls[0][0], goal[0])) < 1e-12
-    assert any(math.dist(control[3], (1.0 + 1e-3 * math.sin(1.0), 0.0)) < 1e-6 for control in found.controls)
+    wall = DisplacedCurve(corner, Displacement(PARAMETERS, 1e-3 * np.sin(corner.points(PARAMETERS))))
+    expected = corner.points(PARAMETERS) + 1e-3 * np.sin(corner.points(PARAMETERS))
+    (result,) = wall.between((expected[0, 0], expected[0, 1]), (expected[-1, 0], expected[-1, 1]), np.array([]))
+    assert isinstance(result, Spline)
+    distances = np.linalg.norm(result.points(np.linspace(0, 1, 4001))[:, None] - expected[None], axis=2).min(axis=0)
+    assert distances.max() < 2e-3
+    assert np.linalg.norm(np.subtract(result.controls[0][0], expected[0])) < 1e-12
+    assert any(math.dist(control[3], (1.0 + 1e-3 * math.sin(1.0), 0.0)) < 1e-6 for control in result.controls)
 
 
-@pytest.mark.parametrize("field", [turned, rippled])
-def test_a_touched_stretch_is_a_face_of_its_own(field: Field) -> None:
-    body = rest()
-    touches = [Touch(side, 0.25, 0.4, 7) for side in ("stem-right", "stem-left")]
-    found = displaced(body, moves(body, field), touches=touches).body
+@pytest.mark.parametrize("field", [rotation_field, rippled_rotation_field])
+def test_contact_segment_becomes_separate_face(field: Field) -> None:
+    body = body_at_rest()
+    contacts = [ContactSegment(side, 0.25, 0.4, 7) for side in ("stem-right", "stem-left")]
+    result = displaced(body, displacements(body, field), contacts=contacts).body
     for side in ("right", "left"):
-        whole = body.face(f"stem-{side}").curve
-        touched = found.face(f"stem-{side}.2")
-        assert touched.wall == 7
-        assert [found.face(f"stem-{side}.{i}").wall for i in (1, 3)] == [None, None]
-        for end, u in ((touched.curve.start, 0.25), (touched.curve.end, 0.4)):
-            assert end == pytest.approx(TURN.point(whole.point_at(u)), abs=1e-7)
-    assert [face.name for face in found.faces if face.part == "stem"] == [
+        curve_at_rest = body.face(f"stem-{side}").curve
+        contact_face = result.face(f"stem-{side}.2")
+        assert contact_face.wall == 7
+        assert [result.face(f"stem-{side}.{i}").wall for i in (1, 3)] == [None, None]
+        for end, u in ((contact_face.curve.start, 0.25), (contact_face.curve.end, 0.4)):
+            assert end == pytest.approx(ROTATION.point(curve_at_rest.point_at(u)), abs=1e-7)
+    assert [face.name for face in result.faces if face.part == "stem"] == [
         *("stem-right.1", "stem-right.2", "stem-right.3"),
         *("stem-left.3", "stem-left.2", "stem-left.1"),
     ]
 
 
-@pytest.mark.parametrize(("on", "still"), [("lens", False), ("ground", True), ("stem-*", False)])
-def test_the_emitter_goes_with_what_carries_it(on: str, still: bool) -> None:
-    body = rest()
-    found = displaced(body, moves(body, turned), on)
-    goal = body.emitter.point if still else TURN.point(body.emitter.point)
-    assert found.body.emitter.point == pytest.approx(goal, abs=1e-12)
+@pytest.mark.parametrize(("on", "fixed"), [("lens", False), ("ground", True), ("stem-*", False)])
+def test_emitter_moves_with_faces_it_is_mounted_on(on: str, fixed: bool) -> None:
+    body = body_at_rest()
+    result = displaced(body, displacements(body, rotation_field), on)
+    expected = body.emitter.point if fixed else ROTATION.point(body.emitter.point)
+    assert result.body.emitter.point == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_face_that_does_not_exist_carries_nothing() -> None:
-    body = rest()
+def test_refuses_emitter_on_unknown_face() -> None:
+    body = body_at_rest()
     with pytest.raises(DesignError, match=r"motion\.emitter_on.*lense.*stem-right"):
-        displaced(body, moves(body, turned), "lense")
+        displaced(body, displacements(body, rotation_field), "lense")
 
 
-def test_a_fold_is_refused_with_its_place() -> None:
-    body = rest()
+def test_refuses_displacement_that_folds_body() -> None:
+    body = body_at_rest()
     with pytest.raises(DesignError, match="intersects itself"):
-        displaced(body, moves(body, lambda at: np.column_stack([-2.0 * at[:, 0] * (at[:, 1] > 15), 0 * at[:, 1]])))
+        displaced(
+            body, displacements(body, lambda at: np.column_stack([-2.0 * at[:, 0] * (at[:, 1] > 15), 0 * at[:, 1]]))
+        )
 
 
-def test_a_lens_in_space_that_is_deformed_is_refused_with_its_size() -> None:
+def test_refuses_deformed_lens_in_space() -> None:
     made = design(lens={"shape": "line-focus"}, emitter={"pattern": "lambertian"}, trace={"dimension": "extruded"})
     body = Sensor.of(made).body()
-    kept = displaced(body, moves(body, turned)).body.front
-    assert kept is not None
-    assert kept.motion.angle_deg == pytest.approx(-2.0)
+    front = displaced(body, displacements(body, rotation_field)).body.front
+    assert front is not None
+    assert front.motion.angle_deg == pytest.approx(-2.0)
     with pytest.raises(DesignError, match=r"lens\.shape.*deformed by 0\.00"):
-        displaced(body, moves(body, lambda at: 0.002 * at**2))
+        displaced(body, displacements(body, lambda at: 0.002 * at**2))
 
 
 def test_lengths_and_parameters_are_inverse() -> None:
-    measure = Measure(rest().faces[1].curve)
+    measure = Measure(body_at_rest().faces[1].curve)
     u = np.linspace(0.0, 1.0, 9)
     assert [measure.u_at(length) for length in measure.lengths_at(u)] == pytest.approx(u, abs=1e-12)
 
 
-def squeezed(body: Body, size_mm: float, height_mm: float = 0.0) -> dict[str, Moved]:
-    """Displacements that press the walls of the crotch together, most a height above its corner."""
+def squeezing(body: Body, size_mm: float, height_mm: float = 0.0) -> dict[str, Displacement]:
+    """Return displacements that press the walls of the crotch together, most strongly at a height above its corner."""
     corner = body.marks["crotch"][1]
     fine = np.union1d(np.geomspace(1e-5, 0.5, 199), np.linspace(0.0, 1.0, 12))
-    places = {"inner-left": fine, "inner-right": np.sort(1.0 - fine)}
+    parameters = {"inner-left": fine, "inner-right": np.sort(1.0 - fine)}
 
     def field(at: FloatArray) -> FloatArray:
-        near = np.exp(-(((at[:, 1] - corner - height_mm) / 0.1) ** 2))
-        return np.column_stack([-size_mm * np.tanh(at[:, 0] / 0.01) * near, np.zeros(len(at))])
+        weight = np.exp(-(((at[:, 1] - corner - height_mm) / 0.1) ** 2))
+        return np.column_stack([-size_mm * np.tanh(at[:, 0] / 0.01) * weight, np.zeros(len(at))])
 
-    def moved(u: FloatArray, name: str) -> Moved:
-        return Moved(u, field(body.face(name).curve.points(u)))
+    def displacement(u: FloatArray, name: str) -> Displacement:
+        return Displacement(u, field(body.face(name).curve.points(u)))
 
-    return {face.name: moved(places.get(face.name, PLACES), face.name) for face in body.all_faces}
+    return {face.name: displacement(parameters.get(face.name, PARAMETERS), face.name) for face in body.all_faces}
 
 
-def test_a_notch_that_closes_begins_where_its_walls_part() -> None:
-    body = rest()
-    found = displaced(body, squeezed(body, 0.02))
-    (notch,) = found.closed
-    right, left = (found.body.face(name).curve for name in ("inner-right", "inner-left"))
+def test_closed_notch_begins_where_walls_separate() -> None:
+    body = body_at_rest()
+    result = displaced(body, squeezing(body, 0.02))
+    (notch,) = result.closed_notches
+    right, left = (result.body.face(name).curve for name in ("inner-right", "inner-left"))
     assert right.end == left.start == notch.at_mm
     x, z = notch.at_mm
     (_, corner), (far_x, far_z) = body.marks["crotch"], left.end
-    height, wide = z - corner, (z - corner) * far_x / (far_z - corner)
+    height, half_width = z - corner, (z - corner) * far_x / (far_z - corner)
     assert x == pytest.approx(0.0, abs=1e-9)
-    assert 0.02 * math.tanh(wide / 0.01) * math.exp(-((height / 0.1) ** 2)) == pytest.approx(wide, abs=1e-6)
+    assert 0.02 * math.tanh(half_width / 0.01) * math.exp(-((height / 0.1) ** 2)) == pytest.approx(half_width, abs=1e-6)
     assert notch.length_mm == pytest.approx(height, rel=0.05)
     assert 0.001 < notch.overlap_mm < 0.01
-    assert not displaced(body, squeezed(body, 0.008)).closed
+    assert not displaced(body, squeezing(body, 0.008)).closed_notches
 
 
 @pytest.mark.parametrize("field", [(0.06, 0.0), (0.08, 0.4)])
-def test_walls_that_lie_far_in_each_other_or_enclose_air_are_refused(field: tuple[float, float]) -> None:
-    body = rest()
+def test_refuses_large_overlap_and_enclosed_air(field: tuple[float, float]) -> None:
+    body = body_at_rest()
     with pytest.raises(DesignError, match=r"intersects itself.*inner-right and inner-left"):
-        displaced(body, squeezed(body, *field))
+        displaced(body, squeezing(body, *field))

@@ -1,4 +1,4 @@
-"""Networks of guides: the Y is one, any is one closed outline that covers its guides, and bad ones are refused."""
+"""Networks of guides: agreement with the Y, closed outlines that cover exactly their guides, and refused networks."""
 
 import math
 from collections.abc import Iterator
@@ -19,65 +19,65 @@ from solen.spec import Design, dumps, loads, with_values
 from tests.geometry.network_support import random_network, y_network
 
 FLAT_MM = 1e-5
-SIDE = [{"name": "r", "guide": "out", "side": "left", "from_mm": 3.0, "to_mm": 4.0}]
+SIDE_RECEIVER = [{"name": "r", "guide": "out", "side": "left", "from_mm": 3.0, "to_mm": 4.0}]
 PLACES = np.linspace(0.0, 1.0, 33)
 
 
-def built(design: Design) -> Body:
+def body_of_network(design: Design) -> Body:
     return body_of(design, None)
 
 
-def the_y(**tables: Any) -> Design:
+def y_design(**tables: Any) -> Design:
     return Design(name="y", material={"index": 1.44}, **tables)
 
 
-YS = {
+Y_DESIGNS = {
     "paper": {},
     "narrow": {"body": {"stem_curve_per_mm": 0.003, "arm_width_mm": 2.3, "arm_angle_deg": 11.0}},
     "flat": {"lens": {"shape": "none", "half_width_mm": 1.7}},
 }
 
 
-@pytest.mark.parametrize("tables", YS.values(), ids=list(YS))
-def test_the_y_is_a_network_bit_for_bit(tables: Any) -> None:
-    design = the_y(**tables)
-    own, network = y_body(design, lens_of(design, 1.44)), built(y_network(design))
-    assert [face.curve for face in network.faces] == [face.curve for face in own.faces]
-    assert network.emitter == own.emitter
+@pytest.mark.parametrize("tables", Y_DESIGNS.values(), ids=list(Y_DESIGNS))
+def test_network_of_y_is_identical(tables: Any) -> None:
+    design = y_design(**tables)
+    y, network = y_body(design, lens_of(design, 1.44)), body_of_network(y_network(design))
+    assert [face.curve for face in network.faces] == [face.curve for face in y.faces]
+    assert network.emitter == y.emitter
 
 
 @pytest.mark.parametrize("angle_deg", [-7.0, 0.5])
-def test_a_bend_of_the_ys_stem_is_the_ys_own(angle_deg: float) -> None:
-    design = the_y(motion={"kind": "bend"})
+def test_bent_network_of_y_agrees(angle_deg: float) -> None:
+    design = y_design(motion={"kind": "bend"})
     bends = {"name": "bends", "kind": "bend", "part": "stem", "at_deg": angle_deg, "from_deg": -10.0, "to_deg": 10.0}
-    own = y_body(design, lens_of(design, 1.44), angle_deg)
-    network = built(y_network(design, fixed="fork", motion=[bends]))
-    for mine, other in zip(network.faces, own.faces, strict=True):
-        off = shapely.LineString(mine.curve.flattened(1e-6)).hausdorff_distance(
-            shapely.LineString(other.curve.flattened(1e-6))
+    y = y_body(design, lens_of(design, 1.44), angle_deg)
+    network = body_of_network(y_network(design, fixed="fork", motion=[bends]))
+    for face, y_face in zip(network.faces, y.faces, strict=True):
+        distance = shapely.LineString(face.curve.flattened(1e-6)).hausdorff_distance(
+            shapely.LineString(y_face.curve.flattened(1e-6))
         )
-        assert off < 1e-5, mine.name
-        assert np.allclose([mine.curve.start, mine.curve.end], [other.curve.start, other.curve.end], atol=2e-9)
-    assert network.emitter.point == pytest.approx(own.emitter.point, abs=1e-10)
-    assert network.emitter.axis_deg == pytest.approx(own.emitter.axis_deg, abs=1e-10)
+        assert distance < 1e-5, face.name
+        assert np.allclose([face.curve.start, face.curve.end], [y_face.curve.start, y_face.curve.end], atol=2e-9)
+    assert network.emitter.point == pytest.approx(y.emitter.point, abs=1e-10)
+    assert network.emitter.axis_deg == pytest.approx(y.emitter.axis_deg, abs=1e-10)
 
 
 @pytest.mark.parametrize("angle_deg", [-3.0, 1.0])
 @pytest.mark.parametrize("join", ["seam", "bridge", "smooth"])
 @pytest.mark.parametrize("pivot", [None, "emitter", (0.3, 0.0)])
-def test_a_turn_of_the_ys_lens_is_the_ys_own(angle_deg: float, join: str, pivot: Any) -> None:
-    design = the_y(motion={"join": join} | ({} if pivot is None else {"pivot": pivot}))
-    turns = {"kind": "rotation", "at_deg": angle_deg, "join": join} | ({} if pivot is None else {"pivot": pivot})
-    motion = [{"name": part, "part": part} | turns for part in ("main",)]
-    own, network = y_body(design, lens_of(design, 1.44), angle_deg), built(y_network(design, motion=motion))
-    middles = [face.curve.middle_point for face in own.faces]
+def test_network_of_y_with_rotated_lens_agrees(angle_deg: float, join: str, pivot: Any) -> None:
+    design = y_design(motion={"join": join} | ({} if pivot is None else {"pivot": pivot}))
+    rotation = {"kind": "rotation", "at_deg": angle_deg, "join": join} | ({} if pivot is None else {"pivot": pivot})
+    motion = [{"name": part, "part": part} | rotation for part in ("main",)]
+    y, network = y_body(design, lens_of(design, 1.44), angle_deg), body_of_network(y_network(design, motion=motion))
+    middles = [face.curve.middle_point for face in y.faces]
     assert np.allclose([face.curve.middle_point for face in network.faces], middles, atol=1e-12)
-    ends = [(face.curve.start, face.curve.end) for face in own.faces]
+    ends = [(face.curve.start, face.curve.end) for face in y.faces]
     assert np.allclose([(face.curve.start, face.curve.end) for face in network.faces], ends, atol=1e-13)
-    assert network.emitter.point == pytest.approx(own.emitter.point, abs=1e-13)
+    assert network.emitter.point == pytest.approx(y.emitter.point, abs=1e-13)
 
 
-def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
+def test_bent_spline_keeps_length_and_turns_uniformly() -> None:
     points = {"at_mm": [3.0, 12.0], "through_mm": [[1.5, 5.0], [3.5, 8.0]]}
     tables: Any = {
         "nodes": [{"name": "n"}, {"name": "m", "at_mm": points["at_mm"]}],
@@ -86,7 +86,7 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
         "receivers": [{"name": "r", "node": "m"}],
     }
 
-    def way(at_deg: float, fixed: str = "n") -> Any:
+    def bent_spine(at_deg: float, fixed: str = "n") -> Any:
         motion = {"name": "b", "kind": "bend", "part": "g", "from_deg": -40.0, "to_deg": 40.0, "at_deg": at_deg}
         design = Design(
             name="s",
@@ -94,29 +94,30 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
             body={"kind": "network"},
             network=tables | {"motion": [motion], "fixed": fixed},
         )
-        assert built(design).area_mm2() > 0.0
+        assert body_of_network(design).area_mm2() > 0.0
         return plan_of(design).paths["g"].spine
 
-    rest, bent = way(0.0), way(25.0)
+    rest, bent = bent_spine(0.0), bent_spine(25.0)
     assert bent.end_direction == pytest.approx(Rigid.about((0.0, 0.0), 25.0).vector(rest.end_direction), abs=1e-12)
     measure, wall = Measure(rest.free), Measure(bent.wall((0.0,), "g"))
     assert wall.length_mm == pytest.approx(measure.length_mm, abs=1e-8)
-    for share in (0.3, 0.8):
+    for fraction in (0.3, 0.8):
         lines = [
-            (one.wall((0.0,), "g"), own.u_at(share * own.length_mm)) for one, own in ((rest, measure), (bent, wall))
+            (spine.wall((0.0,), "g"), lengths.u_at(fraction * lengths.length_mm))
+            for spine, lengths in ((rest, measure), (bent, wall))
         ]
         headings = [math.degrees(math.atan2(*line.velocity_at(u))) for line, u in lines]
-        assert headings[0] - headings[1] == pytest.approx(25.0 * share, abs=1e-5)
-    steps = (np.arange(9000) + 0.5) / 9000  # by small steps, a third of them along each of three cubics
+        assert headings[0] - headings[1] == pytest.approx(25.0 * fraction, abs=1e-5)
+    steps = (np.arange(9000) + 0.5) / 9000  # small steps, a third of them along each of the three cubics
     turn = math.radians(25.0) * measure.lengths_at(steps) / measure.length_mm
     (x, z), cos, sin = rest.free.velocities(steps).T, np.cos(turn), np.sin(turn)
-    brute = np.array(rest.start) + np.column_stack([x * cos - z * sin, x * sin + z * cos]).mean(axis=0)
-    assert np.allclose(brute, bent.end, atol=1e-6)
-    assert way(25.0, "m").end == pytest.approx(rest.end, abs=1e-9)
+    expected_end = np.array(rest.start) + np.column_stack([x * cos - z * sin, x * sin + z * cos]).mean(axis=0)
+    assert np.allclose(expected_end, bent.end, atol=1e-6)
+    assert bent_spine(25.0, "m").end == pytest.approx(rest.end, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("motion", "told"),
+    ("motion", "message"),
     [
         ({"part": "main", "pivot": (0.0, 60.0), "at_deg": 3.0}, r"would tear lens main from x = .*z = .*mm"),
         ({"part": "arm-left", "pivot": (0.0, -60.0), "at_deg": 3.0}, r"would tear arm-left from x = .*mm"),
@@ -125,56 +126,58 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
         ({"part": "stem", "kind": "bend", "pivot": (0.0, 1.0)}, r"pivot = .*does not apply to a bend"),
     ],
 )
-def test_what_tears_or_has_no_meaning_is_refused_with_its_place(motion: dict[str, Any], told: str) -> None:
-    with pytest.raises((SpecError, DesignError), match=told):
-        built(y_network(the_y(), motion=[{"name": "m", "kind": "rotation"} | motion]))
+def test_refuses_invalid_motion_with_position(motion: dict[str, Any], message: str) -> None:
+    with pytest.raises((SpecError, DesignError), match=message):
+        body_of_network(y_network(y_design(), motion=[{"name": "m", "kind": "rotation"} | motion]))
 
 
-def test_a_guide_turns_about_a_stated_pivot_with_what_it_carries() -> None:
-    turns = {"name": "m", "kind": "rotation", "part": "arm-left", "pivot": (-3.0, 18.0), "at_deg": 2.0}
-    rest, moved = built(y_network(the_y())), built(y_network(the_y(), motion=[turns]))
+def test_guide_rotates_about_pivot_with_parts_beyond() -> None:
+    rotation = {"name": "m", "kind": "rotation", "part": "arm-left", "pivot": (-3.0, 18.0), "at_deg": 2.0}
+    rest, moved = body_of_network(y_network(y_design())), body_of_network(y_network(y_design(), motion=[rotation]))
     turn = Rigid.about((-3.0, 18.0), 2.0)
     end = rest.face("receiver-left").curve
     assert moved.face("receiver-left").curve.start == pytest.approx(turn.point(end.start), abs=1e-12)
     assert moved.face("receiver-right").curve == rest.face("receiver-right").curve
 
 
-def lost_and_added(plan: Plan, body: Body) -> tuple[float, float]:
-    """Areas by which an outline differs from the union of its guides, apart from what corners and lenses add.
+def area_differences(plan: Plan, body: Body) -> tuple[float, float]:
+    """Return the areas that a body lacks of the union of its guides, and that it has beyond the union.
 
-    Corners are the triangles between a node and two sections that do not meet; fillets and lenses are let off, and so
-    is a section that sticks out on the far side of a narrower guide, within half its width of the node.
+    Areas added by corners are allowed: triangles between a node and two sections that do not meet, fillets and lenses.
+    So is a section that protrudes on the far side of a narrower guide, within half its width of the node.
     """
     guides, corners = [], []
-    for way in plan.paths.values():
-        sides = [way.walls[side].flattened(FLAT_MM) for side in ("right", "left")]
+    for path in plan.paths.values():
+        sides = [path.walls[side].flattened(FLAT_MM) for side in ("right", "left")]
         guides.append(shapely.Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0.0))
-    near = [
-        shapely.Point(at).buffer(0.5 * max(way.guide.widths[0] + 0.5 for way in plan.at(node)))
-        for node, at in plan.places.items()
+    node_areas = [
+        shapely.Point(at).buffer(0.5 * max(path.guide.widths[0] + 0.5 for path in plan.at(node)))
+        for node, at in plan.positions.items()
     ]
     for face in body.all_faces:
         if face.part == "join":
             node = face.name.removeprefix("join-").split(".")[0]
-            corners.append(shapely.Polygon([face.curve.start, face.curve.end, plan.places[node]]).buffer(0.0))
+            corners.append(shapely.Polygon([face.curve.start, face.curve.end, plan.positions[node]]).buffer(0.0))
         elif face.part in ("fillet", "lens"):
             corners.append(shapely.LineString(face.curve.flattened(FLAT_MM)).convex_hull.buffer(1.0))
     solid: shapely.Geometry = shapely.Polygon(polyline(body.faces, FLAT_MM))
     for hole in body.others:
         solid = shapely.difference(solid, shapely.Polygon(polyline(hole, FLAT_MM)))
-    lost, added = shapely.difference(shapely.union_all(guides), solid), solid
-    for place in near:
-        lost = shapely.difference(lost, place)
+    missing_mm2, extra_mm2 = shapely.difference(shapely.union_all(guides), solid), solid
+    for place in node_areas:
+        missing_mm2 = shapely.difference(missing_mm2, place)
     for part in (*guides, *corners):
-        added = shapely.difference(added, part)
-    return float(shapely.area(lost)), float(shapely.area(added))
+        extra_mm2 = shapely.difference(extra_mm2, part)
+    return float(shapely.area(missing_mm2)), float(shapely.area(extra_mm2))
 
 
-def crossing(plan: Plan) -> bool:
-    """Whether guides that share no node overlap, or sides of two that do cross away from the node."""
+def has_crossing(plan: Plan) -> bool:
+    """Return whether guides that share no node overlap."""
     sides = {
-        name: shapely.Polygon(np.vstack([way.walls["right"].flattened(1e-3), way.walls["left"].flattened(1e-3)[::-1]]))
-        for name, way in plan.paths.items()
+        name: shapely.Polygon(
+            np.vstack([path.walls["right"].flattened(1e-3), path.walls["left"].flattened(1e-3)[::-1]])
+        )
+        for name, path in plan.paths.items()
     }
     names = list(sides)
     pairs = ((a, b) for i, a in enumerate(names) for b in names[i + 1 :])
@@ -189,25 +192,27 @@ def check_random(seeds: range) -> Iterator[Body]:
     for seed in seeds:
         design = random_network(seed)
         plan = plan_of(design)
-        if crossing(plan):
+        if has_crossing(plan):
             with pytest.raises(DesignError, match="intersects itself"):
-                built(design)
+                body_of_network(design)
             continue
-        body = built(design)
-        lost, added = lost_and_added(plan, body)
-        assert lost < 1e-3, (seed, lost)
-        assert added < 1e-3, (seed, added)
+        body = body_of_network(design)
+        missing_mm2, extra_mm2 = area_differences(plan, body)
+        assert missing_mm2 < 1e-3, (seed, missing_mm2)
+        assert extra_mm2 < 1e-3, (seed, extra_mm2)
         yield body
 
 
-def test_random_networks_cover_their_guides_and_nothing_else() -> None:
-    assert len(list(check_random(range(10)))) >= 8
+def test_random_networks_cover_exactly_their_guides() -> None:
+    assert len(list(check_random(range(5)))) >= 4
 
 
 @pytest.mark.evidence
-def test_two_hundred_random_networks_do() -> None:
+def test_two_hundred_random_networks_cover_exactly_their_guides() -> None:
     bodies = list(check_random(range(230)))
-    print(f"{len(bodies)} of 230 random networks are closed and simple and cover their guides; the others cross")
+    print(
+        f"{len(bodies)} of 230 random networks are closed, simple and cover their guides; in the others, guides cross"
+    )
     assert len(bodies) >= 200
 
 
@@ -218,65 +223,70 @@ def test_walls_are_exact_curves() -> None:
     ]
     parts = {"emitters": [{"name": "e", "node": "n"}], "receivers": [{"name": "r", "node": "o"}]}
     tables = {"nodes": [{"name": name} for name in "nmo"], "guides": guides} | parts
-    body = built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
-    arc, other = body.face("a-right").curve, body.face("a-left").curve
-    assert isinstance(arc, Arc)
-    assert isinstance(other, Arc)
-    assert arc.radius_mm - other.radius_mm == pytest.approx(2.0, abs=1e-12)
-    assert arc.center == other.center
+    body = body_of_network(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
+    right_arc, left_arc = body.face("a-right").curve, body.face("a-left").curve
+    assert isinstance(right_arc, Arc)
+    assert isinstance(left_arc, Arc)
+    assert right_arc.radius_mm - left_arc.radius_mm == pytest.approx(2.0, abs=1e-12)
+    assert right_arc.center == left_arc.center
     assert isinstance(body.face("b-right").curve, Parabola)
     assert body.emitter.point == pytest.approx((0.0, -1.0), abs=1e-15)
 
 
-def test_a_loop_has_a_hole_and_what_bends_in_it_would_tear_it() -> None:
+def test_loop_has_hole_and_refuses_bend() -> None:
     corners = {"a": (0.0, 0.0), "b": (12.0, 4.0), "c": (-8.0, 9.0), "d": (3.0, 20.0)}
     between = [("a", "b"), ("b", "d"), ("d", "c"), ("c", "a")]
     guides = [{"name": f"{m}{n}", "nodes": (m, n), "width_mm": 2.0} for m, n in between]
     guides.append({"name": "out", "nodes": ("d", "e"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 6.0})
     nodes = [{"name": name, "at_mm": at, "fillet_mm": 0.5} for name, at in corners.items()] + [{"name": "e"}]
-    tables: Any = {"nodes": nodes, "guides": guides, "emitters": [{"name": "e", "node": "e"}], "receivers": SIDE}
+    tables: Any = {
+        "nodes": nodes,
+        "guides": guides,
+        "emitters": [{"name": "e", "node": "e"}],
+        "receivers": SIDE_RECEIVER,
+    }
     design = Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables)
-    body, plan = built(design), plan_of(design)
+    body, plan = body_of_network(design), plan_of(design)
     assert len(body.others) == 1
-    assert max(lost_and_added(plan, body)) < 1e-6
+    assert max(area_differences(plan, body)) < 1e-6
     motion = {"name": "m", "kind": "bend", "part": "ab", "at_deg": 2.0}
     with pytest.raises(DesignError, match=r"tear .* at x = .*z = "):
-        built(
+        body_of_network(
             Design(
                 name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables | {"motion": [motion]}
             )
         )
-    turned = {"name": "m", "kind": "bend", "part": "out", "at_deg": 30.0, "from_deg": -30.0, "to_deg": 30.0}
-    bent = built(
-        Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables | {"motion": [turned]})
+    bend = {"name": "m", "kind": "bend", "part": "out", "at_deg": 30.0, "from_deg": -30.0, "to_deg": 30.0}
+    bent = body_of_network(
+        Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables | {"motion": [bend]})
     )
     assert bent.emitter.axis_deg == pytest.approx(body.emitter.axis_deg + 30.0)
 
 
-def test_a_fillet_touches_both_walls() -> None:
-    design = y_network(the_y())
-    body = built(with_values(design, {"network.nodes[1].fillet_mm": 0.05}))
+def test_fillet_is_tangent_to_both_walls() -> None:
+    design = y_network(y_design())
+    body = body_of_network(with_values(design, {"network.nodes[1].fillet_mm": 0.05}))
     number = next(i for i, face in enumerate(body.faces) if face.part == "fillet")
-    before, arc, behind = (face.curve for face in body.faces[number - 1 : number + 2])
+    first, arc, second = (face.curve for face in body.faces[number - 1 : number + 2])
     assert isinstance(arc, Arc)
-    for one, other in ((before, arc), (arc, behind)):
-        along, onwards = np.array(one.velocity_at(1.0)), np.array(other.velocity_at(0.0))
+    for arriving, departing in ((first, arc), (arc, second)):
+        along, onwards = np.array(arriving.velocity_at(1.0)), np.array(departing.velocity_at(0.0))
         assert np.dot(along, onwards) == pytest.approx(np.hypot(*along) * np.hypot(*onwards), rel=1e-12)
 
 
-def test_a_design_of_a_network_is_written_and_read_again() -> None:
-    design = with_values(y_network(the_y()), {"network.lenses[0].focus_mm": 20.0, "lens.focus_mm": 25.0})
-    again = loads(dumps(design))
-    assert again == design
-    assert again.network.lenses[0].focus_mm == 20.0
+def test_network_design_round_trip() -> None:
+    design = with_values(y_network(y_design()), {"network.lenses[0].focus_mm": 20.0, "lens.focus_mm": 25.0})
+    reloaded = loads(dumps(design))
+    assert reloaded == design
+    assert reloaded.network.lenses[0].focus_mm == 20.0
 
 
-BAD = {
+INVALID = {
     "lens wider": (
         {"network.lenses[0].half_width_mm": 2.2},
         r"^network\.lenses\[0\]\.half_width_mm = 2\.2; .*2 mm.*x = ",
     ),
-    "fillet": ({"network.nodes[1].fillet_mm": 30.0}, r"fillet_mm = 30\.0; .*x = .*room for"),
+    "fillet": ({"network.nodes[1].fillet_mm": 30.0}, r"fillet_mm = 30\.0; .*room at x = "),
     "two names": (
         {"network.guides[2].name": "stem"},
         r"^network\.guides\[2\]\.name = 'stem'; is also the name of guides\[0\]",
@@ -294,11 +304,11 @@ BAD = {
     ),
     "occupied": (
         {"network.receivers[1].node": "tip-right"},
-        r"^network\.nodes\[2\] = 'tip-right'; right and left are both.*x = ",
+        r"^network\.nodes\[2\] = 'tip-right'; right and left are on the same end, at x = ",
     ),
     "crowded": (
         {"network.receivers[1].node": "fork"},
-        r"^network\.receivers\[1\]\.node = 'fork'; 3 guides meet there.*x = ",
+        r"^network\.receivers\[1\]\.node = 'fork'; .*3 guides meet at x = ",
     ),
     "moved twice": (
         {"network.motion": [{"name": n, "kind": "bend", "part": "stem"} for n in "ab"]},
@@ -306,7 +316,7 @@ BAD = {
     ),
     "dark": (
         {"network.nodes[2].end": "mirror"},
-        r"^network\.nodes\[2\]\.end = 'mirror'; .*right is there, at x = ",
+        r"^network\.nodes\[2\]\.end = 'mirror'; .*right is at x = ",
     ),
     "in space": (
         {"lens.shape": "line-focus", "trace.dimension": "extruded", "emitter.pattern": "lambertian"},
@@ -319,13 +329,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("values", "told"), BAD.values(), ids=list(BAD))
-def test_a_bad_network_is_refused_with_its_place(values: Any, told: str) -> None:
-    with pytest.raises((SpecError, DesignError), match=told):
-        built(with_values(y_network(the_y()), values))
+@pytest.mark.parametrize(("values", "message"), INVALID.values(), ids=list(INVALID))
+def test_refuses_invalid_network_with_position(values: Any, message: str) -> None:
+    with pytest.raises((SpecError, DesignError), match=message):
+        body_of_network(with_values(y_network(y_design()), values))
 
 
-def test_crossing_guides_are_refused_with_their_place() -> None:
+def test_refuses_crossing_guides_with_position() -> None:
     guides = [
         {"name": "a", "nodes": ("n", "m"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 20.0},
         {"name": "b", "nodes": ("m", "o"), "width_mm": 2.0, "direction_deg": -120.0, "length_mm": 15.0},
@@ -334,21 +344,21 @@ def test_crossing_guides_are_refused_with_their_place() -> None:
     parts = {"emitters": [{"name": "e", "node": "n"}], "receivers": [{"name": "r", "node": "p"}]}
     tables = {"nodes": [{"name": name} for name in "nmop"], "guides": guides} | parts
     with pytest.raises(SolenError, match=r"intersects itself.* x = .*, where .* meet"):
-        built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
+        body_of_network(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
 
 
-def test_a_lens_stands_on_a_side() -> None:
-    design = y_network(the_y())
+def test_lens_on_side_of_guide() -> None:
+    design = y_network(y_design())
     lens = {"name": "aside", "guide": "arm-right", "side": "right", "at_mm": 10.0, "half_width_mm": 1.5}
     network = design.network.model_dump(exclude_defaults=True) | {
         "lenses": [{"name": "main", "node": "base"}, lens],
         "emitters": [{"name": "led", "lens": "main"}, {"name": "two", "lens": "aside"}],
         "lit": "two",
     }
-    body = built(with_values(design, {"network": network}))
+    body = body_of_network(with_values(design, {"network": network}))
     wall, front = body.face("arm-right-right.1").curve, body.face("lens-aside").curve
     assert isinstance(wall, Segment)
     middle = np.mean([front.start, front.end], axis=0)
     assert math.dist(wall.start, middle) == pytest.approx(10.0, abs=1e-12)
-    ahead = np.array([-math.sin(math.radians(body.emitter.axis_deg)), math.cos(math.radians(body.emitter.axis_deg))])
-    assert abs(float(ahead @ np.subtract(wall.end, wall.start))) < 1e-12
+    axis = np.array([-math.sin(math.radians(body.emitter.axis_deg)), math.cos(math.radians(body.emitter.axis_deg))])
+    assert abs(float(axis @ np.subtract(wall.end, wall.start))) < 1e-12

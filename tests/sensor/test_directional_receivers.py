@@ -23,7 +23,7 @@ from solen.sensor.readings import readings
 from solen.spec import Design, load, with_values
 from solen.spec.placed import state_of
 from solen.trace import trace
-from tests.geometry.network_support import WAYS, three_guides
+from tests.geometry.network_support import MOTIONS, three_guides
 
 PART = 'schema = 1\nname = "Narrow"\nkind = "receiver"\nmaker = "me"\ndocument = "notes"\n' + "".join(
     f'[{key}]\ntypical = {value}\nbasis = "measured"\nsource = "bench"\n'
@@ -100,7 +100,7 @@ def test_readings_bench_and_diagnosis_agree_for_a_half_angle_of_20_deg(folder: P
 
 def test_readings_and_bench_agree_for_a_network(folder: Path) -> None:
     """The readout and the rig give the same voltages, with less than a tenth of the power through a face detected."""
-    design = with_values(three_guides(motion=WAYS), {"readout.part": "narrow.toml"}).in_folder(folder)
+    design = with_values(three_guides(motion=MOTIONS), {"readout.part": "narrow.toml"}).in_folder(folder)
     (folder / "network.toml").write_text(NETWORK_RIG, encoding="utf-8")
     state = {"lean": 3.0, "swing": -2.0}
     moved = state_of(design, state)

@@ -81,7 +81,7 @@ def test_unloaded_body_is_that_of_the_rigid_sensor() -> None:
     assert sensor.body(0.0) == sensor.body()
     state = sensor.loaded.state(0.0)
     assert state.deformed.strain_largest == 0.0
-    assert (state.turn_deg, state.displaced.off_mm) == (0.0, 0.0)
+    assert (state.turn_deg, state.displaced.deviation_mm) == (0.0, 0.0)
 
 
 def test_lens_that_is_not_a_cylinder_must_not_be_deformed() -> None:

@@ -21,7 +21,7 @@ from solen.trace import trace
 from solen.trace import trace_reference as reference
 from solen.trace.nets import by_nets
 from solen.trace.options import TraceOptions
-from tests.geometry.network_support import INDEX, READINGS, WAYS, random_network, three_guides, y_network
+from tests.geometry.network_support import INDEX, MOTIONS, READINGS, random_network, three_guides, y_network
 
 
 def y_design() -> Design:
@@ -196,7 +196,7 @@ def test_study_sweeps_each_motion() -> None:
 
 
 def test_slope_is_the_difference_of_integrals() -> None:
-    design = three_guides(motion=WAYS)
+    design = three_guides(motion=MOTIONS)
     result = network_sensitivities(design, ["network.motion[0].at_deg", "network.emitters[1].distance_mm"])
     assert result.step.tolist() == pytest.approx([1.0, 0.05])
     for number, key in enumerate(result.keys):
@@ -260,7 +260,7 @@ def test_uncertainties_of_readings_bound_the_errors() -> None:
 
 @pytest.mark.evidence
 def test_readings_of_traces_are_within_their_uncertainties() -> None:
-    design = three_guides(motion=WAYS, reading=READINGS)
+    design = three_guides(motion=MOTIONS, reading=READINGS)
     states = [
         {"lean": lean, "swing": swing} for lean in np.linspace(-8.0, 8.0, 8).tolist() for swing in (-6.0, -1.0, 5.0)
     ]
@@ -272,7 +272,7 @@ def test_readings_of_traces_are_within_their_uncertainties() -> None:
 
 
 def test_study_and_slopes_include_readings() -> None:
-    design = three_guides(motion=WAYS[:1], reading=READINGS)
+    design = three_guides(motion=MOTIONS[:1], reading=READINGS)
     assert network_check(design).readings == {reading["name"]: reading["value"] for reading in READINGS}
     study = network_study(with_values(design, {"network.motion[0].steps": 1}), tolerance=1e-3)
     power = study.sweeps["lean"].power

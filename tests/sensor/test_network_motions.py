@@ -17,7 +17,7 @@ from solen.sensor.network.suggestions import suggestions
 from solen.sensor.network.volts import network_volts
 from solen.sensor.readings import readings_from
 from solen.spec import Design, loads, template, with_values
-from tests.geometry.network_support import READINGS, WAYS, three_guides, y_network
+from tests.geometry.network_support import MOTIONS, READINGS, three_guides, y_network
 
 
 def estimates(
@@ -78,7 +78,7 @@ def check_scatter(design: Design, draws: int) -> None:
 
 
 def test_estimates_scatter_by_the_computed_sd() -> None:
-    check_scatter(three_guides(motion=WAYS, reading=READINGS), 3000)
+    check_scatter(three_guides(motion=MOTIONS, reading=READINGS), 3000)
 
 
 RATIOS = {
@@ -154,7 +154,7 @@ def test_uncertainty_of_the_sd_covers_errors_of_slopes() -> None:
 
 
 def test_two_motions_require_more_than_one_power() -> None:
-    design = three_guides(motion=WAYS)
+    design = three_guides(motion=MOTIONS)
     by_all = network_sensitivities(design, tolerance=1e-3)
     assert by_all.by_voltages is not None
     assert by_all.by_voltages.all_distinguished
@@ -231,7 +231,7 @@ def test_suggested_part_gives_the_predicted_sd(name: str) -> None:
 
 
 def test_resolution_agrees_with_the_scatter_of_noisy_voltages() -> None:
-    design = with_values(three_guides(motion=WAYS[:1]), {"network.motion[0].steps": 2})
+    design = with_values(three_guides(motion=MOTIONS[:1]), {"network.motion[0].steps": 2})
     lean = network_volts(design, tolerance=1e-3).by_motion["lean"]
     middle = replace(lean.signals, **{key: getattr(lean.signals, key)[1:2] for key in ("received", "voltage_V")})
     drawn_V = drawn(design, middle, 3000, 11)
@@ -261,7 +261,7 @@ def test_voltages_of_the_y_as_a_network_are_those_of_the_y() -> None:
 
 def test_motion_without_light_has_no_resolution() -> None:
     dark = with_values(
-        three_guides(motion=WAYS[:1]), {"material.absorption_per_mm": 40.0, "network.motion[0].steps": 2}
+        three_guides(motion=MOTIONS[:1]), {"material.absorption_per_mm": 40.0, "network.motion[0].steps": 2}
     )
     lean = network_volts(dark, tolerance=1e-3).by_motion["lean"]
     assert np.isnan(lean.resolution_of_all_deg).all()

@@ -43,7 +43,7 @@ def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
         for key, value in (properties | {"About": label.about}).items():
             document.header.custom_vars.append(key, value)
         space = document.modelspace()
-        for face in (*body.all_faces, *body.apart):
+        for face in (*body.all_faces, *body.separate):
             for piece in primitives(face.curve):
                 _draw(space, piece, layer_of(face.name))
         _mark(space, body)
@@ -99,7 +99,7 @@ def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
 
 def emitters(body: Body) -> list[tuple[str, Pose]]:
     """Return the emitters by their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
-    return [(f"emitter-{name}", pose) for name, pose in body.lamps] or [("emitter", body.emitter)]
+    return [(f"emitter-{name}", pose) for name, pose in body.emitters] or [("emitter", body.emitter)]
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:

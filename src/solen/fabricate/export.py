@@ -45,7 +45,7 @@ class Export:
     @property
     def outline(self) -> Body:
         """Body with a single outline for all heights; raises `DesignError` if the outline varies with height."""
-        return self.body.upright('export --step or a mesh, or draw the middle section: lens.shape = "cartesian-oval"')
+        return self.body.prism('export --step or a mesh, or draw the middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
     def numbers(self) -> tuple[NumberedPart, ...]:
@@ -206,8 +206,8 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
         )
     if (pieces := _pieces(export.body)) > 1:
         warnings.append(warning(f"the outlines form {pieces} separate parts"))
-    if export.body.apart:
-        names = ", ".join(face.name for face in export.body.apart)
+    if export.body.separate:
+        names = ", ".join(face.name for face in export.body.separate)
         warnings.append(
             note(f"{names} are separate objects in air: the DXF and SVG drawings contain them, but the solid does not")
         )

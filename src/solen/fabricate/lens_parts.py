@@ -19,7 +19,7 @@ from solen.curve import Segment
 from solen.errors import DesignError, SpecError
 from solen.fabricate.bspline import FIT_TOLERANCE_MM
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
-from solen.geometry import Body, fronted, section
+from solen.geometry import Body, section, with_front
 from solen.geometry.measures import area_mm2
 from solen.lens import LayeredLens, LensInSpace
 from solen.lens.build import DEFAULT_LAYER_MM
@@ -92,7 +92,7 @@ class Hollow:
     def blank(self) -> Body:
         """Upright body with a straight front."""
         half, z = self.lens.half_width_mm, self.front_mm
-        return fronted(self.body, Segment((-half, z), (half, z)))
+        return with_front(self.body, Segment((-half, z), (half, z)))
 
     @cached_property
     def volume_mm3(self) -> float:

@@ -62,7 +62,7 @@ def _lenses(design: Design, body: Body) -> Iterator[_Row]:
 
 
 def _emitters(body: Body) -> Iterator[_Row]:
-    for name, pose in body.lamps:
+    for name, pose in body.emitters:
         size = f"at x {pose.point[0]:.4g}, z {pose.point[1]:.4g} mm, towards {pose.axis_deg + 0.0:.4g} deg"
         yield "emitter", name, size, along(pose.point, heading(pose.axis_deg), -AWAY_MM)
 
@@ -80,7 +80,7 @@ def _receivers(design: Design, body: Body) -> Iterator[_Row]:
 
 def _face(body: Body, name: str) -> Face:
     """Return the face with a given name, or the first of its segments."""
-    return next(face for face in (*body.all_faces, *body.apart) if face.name.partition(".")[0] == name)
+    return next(face for face in (*body.all_faces, *body.separate) if face.name.partition(".")[0] == name)
 
 
 def _beside(body: Body, name: str, *, inside: bool) -> Point:

@@ -23,7 +23,7 @@ from solen.errors import DataError, DesignError
 from solen.fabricate.lens_parts import faced_part
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
 from solen.geometry import Body, Face
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.parts import ReceiverPart, library_part, load_part
 from solen.plane import Point, along, left_of, minus, unit
 from solen.spec import Design
@@ -144,7 +144,7 @@ def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
         raise DesignError(key, limit="no face of the body is a receiver", remedy="omit it")
     for face in faces:
         if not isinstance(face.curve, Segment):
-            limit = f"is curved at {place_text(face.curve.middle_point)}, but a seat requires a straight face"
+            limit = f"is curved at {point_text(face.curve.middle_point)}, but a seat requires a straight face"
             raise DesignError(key, value=face.name, limit=limit, remedy="make the face straight, or omit the seats")
     return [(f"{what}-{face.name.removeprefix('receiver-')}", face) for face in faces]
 
@@ -167,7 +167,7 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
     """Return the outlines of the emitter slot: of the tool, and of the removed volume, bounded by the lens."""
-    body.upright('remove the emitter from fabricate.slots, or set lens.shape = "cartesian-oval"')
+    body.prism('remove the emitter from fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
         raise DesignError(

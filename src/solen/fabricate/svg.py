@@ -28,7 +28,7 @@ MAX_ARC_DEG = 90.0
 
 def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
     """Return an SVG file of a body, in mm, with part numbers and a parts table."""
-    faces = (*body.all_faces, *body.apart)
+    faces = (*body.all_faces, *body.separate)
     corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [pose.point for _, pose in emitters(body)]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
     table = (float(high[0]) + TEXT_MM, float(high[1]) - TEXT_MM)

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     import shapely.geometry.base
 
 GAP_MM = END_TOLERANCE_MM
-"""Two faces share a corner if their ends are this close; curves extend this far beyond their ends."""
-REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm angle and width, and the motion angles"
-NEAR_MM = 1e-2
-"""Faces this close to an intersection of outlines are named in the error message."""
+"""Maximum distance of the ends of two faces that share a corner; for rays, curves extend as far beyond their ends."""
+Y_REMEDY = "check stem, arm and lens lengths, the arm angle and width, and the motion angles"
+NEARBY_MM = 1e-2
+"""The message about an intersection of outlines names the faces within this distance."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Face:
 
     @property
     def part(self) -> str:
-        """Part that the face belongs to, from the first word of its name: ``receiver`` for ``receiver-right.2``."""
+        """Part to which the face belongs, the first word of its name: ``receiver`` for ``receiver-right.2``."""
         return self.part_of(self.name)
 
     @staticmethod
@@ -54,8 +54,8 @@ class Face:
         return _words(name)[0]
 
     @property
-    def whose(self) -> str:
-        """Name without part and segment number: ``right`` for ``receiver-right.2``; the part if nothing is left."""
+    def label(self) -> str:
+        """Name without part and segment number: ``right`` for ``receiver-right.2``; the part if nothing remains."""
         part, rest = _words(self.name)
         return rest or part
 
@@ -75,10 +75,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class Front:
-    """A face in space that replaces an upright one: a lens that is not a cylinder.
+    """The surface of a lens that is not a cylinder, which replaces a face of the outline.
 
-    ``interface`` is the name of the upright face through the middle section, with material on its left; ``motion`` maps
-    the coordinates of the lens to those of the body.
+    ``interface`` is the name of that face, the middle section of the surface, with the material on its left; ``motion``
+    maps the coordinates of the lens to those of the body.
     """
 
     interface: str
@@ -88,31 +88,31 @@ class Front:
 
 @dataclass(frozen=True)
 class Body:
-    """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch, the base).
+    """A closed outline, its emitter and its named points (``marks``: the corners of the fork, the crotch, the base).
 
-    ``others`` are further closed outlines: holes and separate bodies. ``apart`` are faces in air: receivers behind a
-    gap, mirrors. An emitter may be ``embedded`` in the material. If a ``front`` is set, the outline is that of the
-    middle section, and the body is not a prism. ``lamps`` are all emitters of a network, of which only ``emitter``
-    emits light.
+    ``others`` are further closed outlines: holes and other bodies. Faces in air, such as mirrors and receivers behind a
+    gap, are ``separate``. An emitter may be ``embedded`` in the material. If a ``front`` is set, the body is not a
+    prism, and the outline is that of its middle section. ``emitters`` are all emitters of a network, of which only
+    ``emitter`` emits light.
     """
 
     faces: tuple[Face, ...]
     emitter: Pose
     marks: dict[str, Point] = field(hash=False)
     others: tuple[tuple[Face, ...], ...] = ()
-    apart: tuple[Face, ...] = ()
+    separate: tuple[Face, ...] = ()
     embedded: bool = False
     front: Front | None = None
-    lamps: tuple[tuple[str, Pose], ...] = ()
+    emitters: tuple[tuple[str, Pose], ...] = ()
 
-    def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
-        """Body itself; raises `DesignError` if its lens is not a cylinder and one outline cannot describe it."""
+    def prism(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
+        """Return the body itself; raise `DesignError` if it is not a prism, because its lens is not a cylinder."""
         if self.front is None:
             return self
         raise DesignError(
             "lens.shape",
             value=self.front.lens.shape,
-            limit="a lens that varies with height: a single outline cannot describe this body",
+            limit="is a lens that varies with height, so one outline cannot describe the body",
             remedy=remedy,
         )
 
@@ -127,31 +127,28 @@ class Body:
         return tuple(face for outline in self.outlines for face in outline)
 
     def face(self, name: str) -> Face:
-        """Return the face with a given name; raises `KeyError` if there is none."""
-        return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
+        """Return the face with a given name; raise `KeyError` if there is none."""
+        return {face.name: face for face in (*self.all_faces, *self.separate)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:
-        """Closed polyline (N, 2) within ``tolerance_mm`` of the first outline; its last point repeats the first."""
+        """Return a closed polyline (N, 2) within ``tolerance_mm`` of the first outline, as `polyline`."""
         return polyline(self.faces, tolerance_mm)
 
     def area_mm2(self) -> float:
-        """Enclosed area, exact to within rounding error; positive for counter-clockwise outlines."""
+        """Return the enclosed area, exact to rounding; positive for counter-clockwise outlines."""
         from solen.geometry.measures import area_mm2
 
         return area_mm2(self.outlines)
 
     def check(self) -> "Body":
-        """Return the body; raises `DesignError` with faces and position if open, self-intersecting or inside out."""
+        """Return the body; raise `DesignError` with faces and position if open, self-intersecting or inside out."""
         rings = []
         for outline in self.outlines:
             _check_closed(outline)
             rings.append(polyline(outline, 1e-4))
             self._check_simple(rings[-1])
-        if len(rings) == 1:
-            self._check_orientation(rings[0], inside=0)
-        else:
-            self._check_rings(rings)
-        self._check_beside(rings)
+        self._check_rings(rings)
+        self._check_separate(rings)
         return self
 
     def _check_simple(self, outline: FloatArray) -> None:
@@ -159,58 +156,52 @@ class Body:
 
         polygon = shapely.Polygon(outline)
         if not polygon.is_valid:
-            raise self._crosses(*_places(shapely.is_valid_reason(polygon)))
-
-    def _check_orientation(self, ring: FloatArray, inside: int) -> None:
-        if (area(ring) > 0.0) != (inside % 2 == 0):
-            way, must = ("clockwise", "counter-clockwise") if inside % 2 == 0 else ("counter-clockwise", "clockwise")
-            raise DesignError("body outline", value=way, limit=f"must run {must}, with the material on its left")
+            reason = shapely.is_valid_reason(polygon)
+            raise self._intersection_error(_position_in(reason), reason)
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """Raise `DesignError` if outlines touch, or if the orientation of an outline does not fit those around it."""
+        """Raise `DesignError` if outlines touch, or if an outline is not oriented as those around it require."""
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
         for i, line in enumerate(lines):
             for other in lines[i + 1 :]:
                 if line.intersects(other):
-                    place = line.intersection(other).representative_point()
-                    raise self._crosses((place.x, place.y))
+                    point = line.intersection(other).representative_point()
+                    raise self._intersection_error((point.x, point.y))
         polygons = [shapely.Polygon(ring) for ring in rings]
         for i, ring in enumerate(rings):
             around = sum(polygons[k].contains(lines[i]) for k in range(len(rings)) if k != i)
-            self._check_orientation(ring, around)
+            _check_orientation(ring, around)
 
-    def _check_beside(self, rings: list[FloatArray]) -> None:
+    def _check_separate(self, rings: list[FloatArray]) -> None:
         """Raise `DesignError` if a separate object intersects the body."""
         import shapely
 
         solid = filled(rings)
-        for face in self.apart:
+        for face in self.separate:
             line = shapely.LineString(face.curve.flattened(1e-4))
             if solid.intersects(line):
-                place = solid.intersection(line).representative_point()
-                limit = f"must be in air, but touches the body at {place_text((place.x, place.y))}"
+                point = solid.intersection(line).representative_point()
+                limit = f"must be in air, but touches the body at {point_text((point.x, point.y))}"
                 raise DesignError(face.name, limit=limit, remedy="move it away, or reduce the motion angle")
         if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
-                value=f"inside the body at {place_text(self.emitter.point)}",
-                limit="must be in front of the lens",
+                limit=f"is inside the body at {point_text(self.emitter.point)}, but must be in front of the lens",
                 remedy="increase emitter.distance_mm or reduce the motion angle",
             )
 
-    def _crosses(self, place: Point | None = None, reason: str = "") -> DesignError:
-        """Describe which faces intersect, and where."""
-        where = reason
-        if place is not None:
-            near = [face.name for face in self.all_faces if _distance_mm(face.curve, place) < NEAR_MM]
-            where = f"at {place_text(place)}" + (f", where {' and '.join(near)} meet" if near else "")
+    def _intersection_error(self, point: Point | None, reason: str = "") -> DesignError:
+        """Return the error that names the faces that intersect, and their position."""
+        text = f": {reason}"
+        if point is not None:
+            near = [face.name for face in self.all_faces if _distance_mm(face.curve, point) < NEARBY_MM]
+            text = f" at {point_text(point)}" + (f", where {' and '.join(near)} meet" if near else "")
         return DesignError(
             "body outline",
-            value="intersects itself",
-            limit=where,
-            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "correct the drawing there, or reduce the motion",
+            limit=f"intersects itself{text}",
+            remedy=Y_REMEDY if "crotch" in self.marks else "correct the drawing there, or reduce the motion",
         )
 
 
@@ -235,7 +226,7 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
     return solid
 
 
-def place_text(point: Point) -> str:
+def point_text(point: Point) -> str:
     """Format the coordinates of a point for error messages."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
@@ -250,21 +241,29 @@ def _words(name: str) -> tuple[str, str]:
 
 def _check_closed(outline: tuple[Face, ...]) -> None:
     if not outline:
-        raise DesignError("body outline", value="no faces", limit="must be closed")
+        raise DesignError("body outline", limit="has no faces, but must be closed")
     for face, following in pairwise((*outline, outline[0])):
         gap_mm = math.dist(face.curve.end, following.curve.start)
         if not gap_mm <= GAP_MM:
             raise DesignError(
                 "body outline",
-                value=f"open between {face.name} and {following.name}",
-                limit=f"a gap of {gap_mm:.3g} mm at {place_text(face.curve.end)}",
+                limit=f"has a gap of {gap_mm:.3g} mm between {face.name} and {following.name}, at "
+                f"{point_text(face.curve.end)}",
             )
 
 
-def _places(reason: str) -> tuple[Point | None, str]:
-    """Return the fault of an invalid geometry, and its position, from shapely's explanation."""
+def _check_orientation(ring: FloatArray, around: int) -> None:
+    """Raise `DesignError` unless an outline has the orientation that the number of outlines around it requires."""
+    is_hole = around % 2 == 1
+    if (area(ring) < 0.0) != is_hole:
+        required = "clockwise" if is_hole else "counter-clockwise"
+        raise DesignError("body outline", limit=f"must run {required}, with the material on its left")
+
+
+def _position_in(reason: str) -> Point | None:
+    """Return the position in shapely's explanation of an invalid geometry; None if it contains none."""
     numbers = re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", reason)
-    return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
+    return (float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None
 
 
 def area(outline: FloatArray) -> float:

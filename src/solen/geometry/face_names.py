@@ -7,33 +7,33 @@ from solen.geometry.body import Face
 from solen.geometry.drawing import Drawing
 from solen.geometry.drawing.model import EMITTER, PIVOT
 
-WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
-"""Reserved first words of names; ``lens`` is also recognised, but is otherwise an ordinary wall."""
-ORDINARY = {"back", "blank", "block", "slack", "pilot"}
-"""Words similar to reserved words that are not misspellings."""
-NEAR = 0.79
-"""Similarity, by `difflib`, above which a word counts as a misspelling."""
+RESERVED = ("receiver", "mirror", "black", EMITTER, PIVOT)
+"""Reserved first words of names; ``lens`` is recognised, too, but a lens is an ordinary wall."""
+UNRELATED = {"back", "blank", "block", "slack", "pilot"}
+"""Words that resemble reserved words but are not misspellings."""
+MIN_SIMILARITY = 0.79
+"""Minimum similarity, as defined by `difflib`, of a misspelling to a reserved word."""
 
 
 def check_names(drawing: Drawing) -> None:
-    """Raise `DesignError` for a name that nearly matches a reserved name and is probably misspelt."""
+    """Raise `DesignError` for a name that is probably a misspelt reserved name."""
     named = [(stroke.name, "a bare wall") for stroke in drawing.strokes]
     named += [(name, "a point without meaning") for name, _ in drawing.points]
-    for name, otherwise in named:
-        meant = _meant(name)
-        if meant is not None:
-            remedy = f"did you mean {meant}? If not, choose a less similar name"
-            raise DesignError("body outline", value=name, limit=f"would be {otherwise}", remedy=remedy)
+    for name, meaning in named:
+        intended = _intended_name(name)
+        if intended is not None:
+            remedy = f"did you mean {intended}? if not, choose a less similar name"
+            raise DesignError("name in the drawing", value=name, limit=f"is read as {meaning}", remedy=remedy)
 
 
-def _meant(name: str) -> str | None:
-    """Return the intended name of a misspelling; None if its first word is reserved, or unlike all reserved words."""
+def _intended_name(name: str) -> str | None:
+    """Return the intended name of a misspelling; None if the first word is reserved, or unlike all reserved words."""
     word = Face.part_of(name)
-    if word in WORDS or word in ORDINARY:
+    if word in RESERVED or word in UNRELATED:
         return None
     rest = name[len(word) :].strip("-_ .")
-    for known in WORDS:
+    for known in RESERVED:
         if word.startswith(known):  # receivers, receiverright
             return "-".join(part for part in (known, word[len(known) :].removesuffix("s"), rest) if part)
-    near = difflib.get_close_matches(word, WORDS, n=1, cutoff=NEAR)
-    return "-".join(part for part in (*near, rest) if part) if near else None
+    similar = difflib.get_close_matches(word, RESERVED, n=1, cutoff=MIN_SIMILARITY)
+    return "-".join(part for part in (*similar, rest) if part) if similar else None

@@ -1,7 +1,7 @@
 """Body kinds, selected by ``body.kind`` of a design.
 
 A new kind is a function that builds a body from a design, or (with `drawn_kind`) a function that draws it from numbers.
-Another package adds a kind as an entry point of ``solen.body_kinds``; a script calls `register`::
+Another package adds a kind as an entry point in the group ``solen.body_kinds``; a script calls `register`::
 
     register("cross", BodyKind(cross_body, unused_keys={"body": ("file", "units", "join_mm")}))
 
@@ -30,10 +30,10 @@ class BodyKind:
     Attributes
     ----------
     build
-        Function that returns the checked body of a design with its lens, moved to an angle in degrees; raises
-        `DesignError` if it cannot be built. The lens is None if it is drawn.
+        Function that returns the checked body of a design with its lens, moved to an angle in degrees, and raises
+        `DesignError` if the body cannot be built. The lens is None if it is drawn.
     unused_keys
-        Design keys that do not apply to this kind, by table.
+        Design keys that do not apply to this kind, keyed by table.
     lens_is_drawn
         Whether the lenses are parts of the body, as in a drawing or a network, rather than one computed lens in front
         of it.
@@ -47,13 +47,13 @@ class BodyKind:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, design: Design) -> dict[str, float]:
-        """Return the parameters of a design's body, specified or default; raises `DesignError` for an unknown name."""
-        stated = design.body.parameters.values if design.body.parameters else {}
-        for name in stated:
+        """Return the parameters of a design's body, specified or default; raise `DesignError` for an unknown name."""
+        specified = design.body.parameters.values if design.body.parameters else {}
+        for name in specified:
             if name not in self.parameters:
                 remedy = f"the parameters of this kind are {', '.join(self.parameters) or 'none'}"
                 raise DesignError(f"body.parameters.{name}", limit="unknown key", remedy=remedy)
-        return dict(self.parameters) | stated
+        return dict(self.parameters) | specified
 
 
 def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mapping[str, float]) -> BodyKind:
@@ -100,7 +100,7 @@ def register(name: str, kind: BodyKind) -> None:
 
 
 def body_of(design: Design, lens: Lens | None, angle_deg: float = 0.0) -> Body:
-    """Return the checked body of a design moved to ``angle_deg``, built by its kind, which may raise errors."""
+    """Return the checked body of a design moved to ``angle_deg``; raise the errors of its kind."""
     kind = BODY_KINDS[design.body.kind]
     kind.numbers(design)  # rejects a parameter that the kind does not have
     return kind.build(design, lens, angle_deg)

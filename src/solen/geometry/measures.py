@@ -10,13 +10,13 @@ from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Tolerated change when a panel is halved, relative to the bounding box of the curve."""
+"""Tolerated change of an area when a panel is halved, relative to the square of the size of the curve."""
 MAX_ROUNDS = 30
 
 
 def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
-    """Area in mm² enclosed by outlines, accurate to about 1e-12; clockwise outlines (holes) count as negative."""
-    return sum(_enclosed(outline) for outline in outlines)
+    """Return the area in mm² enclosed by outlines, accurate to about 1e-12; clockwise outlines (holes) are negative."""
+    return sum(_enclosed_mm2(outline) for outline in outlines)
 
 
 def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
@@ -24,27 +24,27 @@ def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
     return sum(Measure(face.curve).length_mm for outline in outlines for face in outline)
 
 
-def _enclosed(outline: Sequence[Face]) -> float:
-    """Return the area of one outline, relative to its first point to avoid cancellation far from the origin."""
+def _enclosed_mm2(outline: Sequence[Face]) -> float:
+    """Return the area of one outline, integrated about its first point to avoid cancellation far from the origin."""
     origin = np.asarray(outline[0].curve.start)
-    return sum(_swept(face.curve, origin) for face in outline)
+    return sum(_swept_mm2(face.curve, origin) for face in outline)
 
 
-def _swept(curve: Curve, origin: FloatArray) -> float:
+def _swept_mm2(curve: Curve, origin: FloatArray) -> float:
     """Return the area swept by the line from the origin to a point that moves along the curve."""
     if isinstance(curve, Segment):
         return _cross(np.array([curve.a]) - origin, np.array([curve.b]) - origin).item() / 2
     ends = np.linspace(0.0, 1.0, (len(curve.controls) if isinstance(curve, CubicChain) else 1) + 1)
-    reach = np.abs(curve.points(np.linspace(0.0, 1.0, 9)) - origin).max()
+    size = np.abs(curve.points(np.linspace(0.0, 1.0, 9)) - origin).max()
     for _ in range(MAX_ROUNDS):
         middles = 0.5 * (ends[:-1] + ends[1:])
-        whole = _panels(curve, origin, ends[:-1], ends[1:])
-        halves = _panels(curve, origin, ends[:-1], middles) + _panels(curve, origin, middles, ends[1:])
-        rough = np.abs(halves - whole) > ACCURACY * reach * reach
-        if not rough.any():
+        coarse = _panels(curve, origin, ends[:-1], ends[1:])
+        fine = _panels(curve, origin, ends[:-1], middles) + _panels(curve, origin, middles, ends[1:])
+        inaccurate = np.abs(fine - coarse) > ACCURACY * size * size
+        if not inaccurate.any():
             break
-        ends = np.sort(np.concatenate([ends, middles[rough]]))
-    return float(halves.sum())
+        ends = np.sort(np.concatenate([ends, middles[inaccurate]]))
+    return float(fine.sum())
 
 
 def _panels(curve: Curve, origin: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

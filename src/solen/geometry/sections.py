@@ -1,8 +1,8 @@
-"""Sections of a body at a height, as in one layer of a printer.
+"""Sections of a body at a height, as in one layer of a print.
 
-Beyond the base of the stem, a body whose lens varies with height is a prism. In front of the base, a section is bounded
-by the lens curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
-begins there.
+Behind the base of the stem, a body whose lens varies with height is a prism. In front of the base, a section is bounded
+by the lens curve at that height and by the straight sides of the aperture; if the curve ends behind the base, the stem
+begins at its ends.
 """
 
 from dataclasses import replace
@@ -14,38 +14,38 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Return the upright unmoved body with the outline at a height y from mid-height; for a prism, the body itself."""
-    return body if body.front is None else fronted(body, body.front.lens.section(y_mm))
+    """Return the prism, without motion, with the outline at y from mid-height; for a prism, the body itself."""
+    return body if body.front is None else with_front(body, body.front.lens.section(y_mm))
 
 
-def fronted(body: Body, front: Curve) -> Body:
-    """Return the upright unmoved body, with the lens replaced by another curve across the aperture, left to right."""
+def with_front(body: Body, front: Curve) -> Body:
+    """Return the prism, without motion, whose lens is a curve across the aperture from left to right."""
     if body.front is None:
-        raise AssertionError("a prism has one outline")
+        raise AssertionError("the body is already a prism")
     lens, (_, *rest) = body.front.lens, body.faces
     depth, base = front.end[1], lens.depth_mm
     faces = list(rest)
     if depth > base + GAP_MM:
-        faces[0], faces[-1] = _begun(rest[0], depth, ends=False), _begun(rest[-1], depth, ends=True)
+        faces[0], faces[-1] = _trimmed(rest[0], depth, ends=False), _trimmed(rest[-1], depth, ends=True)
     right = _side("side-right", front.end, faces[0].curve.start)
     left = _side("side-left", faces[-1].curve.end, front.start)
     return replace(body, faces=(Face("lens", front), *right, *faces, *left), front=None)
 
 
 def _side(name: str, start: Point, end: Point) -> list[Face]:
-    """Return the straight face between two points; none if they coincide."""
-    apart = abs(start[0] - end[0]) + abs(start[1] - end[1])
-    return [Face(name, Segment(start, end))] if apart > GAP_MM else []
+    """Return the straight face between two points; an empty list if they coincide."""
+    distance_mm = abs(start[0] - end[0]) + abs(start[1] - end[1])
+    return [Face(name, Segment(start, end))] if distance_mm > GAP_MM else []
 
 
-def _begun(face: Face, depth_mm: float, *, ends: bool) -> Face:
-    """Return a side of the stem, trimmed to begin or end at a depth."""
+def _trimmed(face: Face, depth_mm: float, *, ends: bool) -> Face:
+    """Return a side of the stem, trimmed so that it begins or ends at a depth."""
     curve = face.curve
     if isinstance(curve, Parabola):
-        share = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
-        if 0.0 < share < 1.0:
-            return replace(face, curve=curve.part(0.0, share) if ends else curve.part(share, 1.0))
-    limit = f"ends before the lens does at other heights, at z = {depth_mm:.3f} mm"
+        fraction = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
+        if 0.0 < fraction < 1.0:
+            return replace(face, curve=curve.part(0.0, fraction) if ends else curve.part(fraction, 1.0))
+    limit = f"ends in front of z = {depth_mm:.3f} mm, where the lens ends at another height"
     raise DesignError(
         face.name, limit=limit, remedy="reduce the thickness of the body, or move the wall table away from the lens"
     )

@@ -1,21 +1,21 @@
-"""The Y-shaped waveguide: stem, two arms and the lens at the base of the stem, at any motion angle.
+"""The Y-shaped waveguide: stem, two arms, and a lens at the base of the stem, at any motion angle.
 
 The stem flares: its half width is ``half_width_mm + stem_curve_per_mm u²`` at u above its base. The arms leave the
-corners of the fork at ``arm_angle_deg`` to the axis; by default they continue the edge of the stem there (its tangent),
-which is an assumption: the paper's figure with the exact geometry is not public. The inner edges of the arms are
+corners of the fork at ``arm_angle_deg`` to the axis, by default along the tangent of the side of the stem there. This
+is an assumption: the figure of the paper with the exact geometry is not public. The inner edges of the arms are
 parallel to the outer edges at the arm width and meet on the axis, in the crotch.
 
-``motion.join`` of the design selects how a rotated lens joins the stem; each option keeps the outline closed and simple
-and changes continuously with the angle:
+``motion.join`` of the design selects how a rotated lens joins the stem. With each option the outline remains closed and
+simple, and changes continuously with the angle:
 
-- ``bridge``: if the edge of the lens has moved below the base of the stem, a straight bridge joins it to the stem
-  corner; if it has moved into the stem, the side of the stem begins at the height of the edge and a short step joins
-  the two. For a rotation of 3° about the centre of the base the step is 2.7 µm wide.
-- ``seam``: a straight seam joins each edge to its corner, even if it has moved into the stem.
-- ``smooth``: the side of the stem bends. A cubic Bézier curve leaves the edge along the lens axis and joins the
-  side tangentially, half a lens width above the edge; without rotation it is the side itself.
+- ``bridge``: if an edge of the lens has moved below the base of the stem, a straight bridge joins it to the corner of
+  the stem; if it has moved into the stem, the side of the stem begins at the height of the edge, and a short step joins
+  the two. After a rotation of 3° about the centre of the base, the step is 2.7 µm wide.
+- ``seam``: a straight seam joins each edge to its corner, even if the edge has moved into the stem.
+- ``smooth``: the side of the stem bends. A cubic Bézier curve leaves the edge along the lens axis and joins the side
+  tangentially, half a lens width above the edge; without rotation it is the side itself.
 
-A sensor without a lens has a flat face that belongs to the stem: it stays fixed while the emitter rotates.
+A sensor without a lens has a flat face that belongs to the stem and remains fixed while the emitter rotates.
 
 A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; the lens then meets the stem as in the
 unbent sensor, and no join is needed.
@@ -38,8 +38,8 @@ from solen.spec import Design, Join, Motion, Wall
 JOINS = ("join-right", "join-left")
 """Names of the join faces of a rotated lens."""
 MIN_LENGTH_MM, STEP_MM = 1e-8, 1e-6
-"""A step between lens and stem shorter than the first value is replaced by a step along the stem with the second
-length. Such a step occurs if an edge has moved up by less than a few micrometres, as in a measured lens.
+"""A step between lens and stem that is shorter than the first length is replaced by a step of the second length along
+the stem. Such a step occurs if an edge has moved up by less than a few micrometres, as with a measured lens.
 """
 
 
@@ -56,9 +56,9 @@ class _Half:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The part of a design that determines its Y: designs that differ only elsewhere share cached bodies.
+    """The part of a design that determines its Y; designs that differ only in other respects share cached bodies.
 
-    ``emitter`` is the position of the unmoved emitter.
+    ``emitter`` is the position of the emitter before any motion.
     """
 
     lens: Lens
@@ -75,7 +75,7 @@ class _Plan:
 
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Return the checked body of a design moved to ``angle_deg``; raises `DesignError` if it cannot be built.
+    """Return the checked body of a design moved to ``angle_deg``; raise `DesignError` if it cannot be built.
 
     The last 256 bodies are cached.
     """
@@ -85,62 +85,62 @@ def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
 
 @lru_cache(maxsize=256)
 def _built(plan: _Plan, angle_deg: float) -> Body:
-    return (_bent(plan, angle_deg) if plan.motion.kind == "bend" else _turned(plan, angle_deg)).check()
+    return (_bent(plan, angle_deg) if plan.motion.kind == "bend" else _rotated(plan, angle_deg)).check()
 
 
-def _turned(plan: _Plan, angle_deg: float) -> Body:
+def _rotated(plan: _Plan, angle_deg: float) -> Body:
     """Return the body with its moving parts rotated about the pivot."""
     lens = plan.lens
-    moves, turn = plan.motion.moves, Rigid.about(_pivot(plan), angle_deg)
+    moving, rotation = plan.motion.moves, Rigid.about(_pivot(plan), angle_deg)
     emitter = Pose(plan.emitter, 0.0)
-    if "emitter" in moves:
-        emitter = Pose(turn.point(emitter.point), angle_deg)
-    turns_lens = "lens" in moves and not isinstance(lens, FlatFace)
-    front = lens.front.moved(turn) if turns_lens else lens.front
+    if "emitter" in moving:
+        emitter = Pose(rotation.point(emitter.point), angle_deg)
+    lens_moves = "lens" in moving and not isinstance(lens, FlatFace)
+    front = lens.front.moved(rotation) if lens_moves else lens.front
     right, left = _half(plan, +1), _half(plan, -1)
     crotch = _crotch(plan.body, right)
-    joined = _Join(plan.motion.join, turn.vector((0.0, 1.0)) if turns_lens else (0.0, 1.0))
+    join = _Join(plan.motion.join, rotation.vector((0.0, 1.0)) if lens_moves else (0.0, 1.0))
     faces = (
         Face("lens", front),
-        *_side("right", right, front.end, crotch, joined),
+        *_side("right", right, front.end, crotch, join),
         *(
             replace(face, curve=face.curve.reversed(), from_end=True)
-            for face in reversed(_side("left", left, front.start, crotch, joined))
+            for face in reversed(_side("left", left, front.start, crotch, join))
         ),
     )
     marks = {"crotch": crotch, "fork-right": right.fork, "fork-left": left.fork, "stem-base": (0.0, lens.depth_mm)}
-    faces, apart = behind_gap(faces, plan.gap_mm)
-    if "receivers" in moves:
-        apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
-    (walls,) = with_walls((faces,), plan.wall, JOINS if plan.motion.kind == "rotation" and "lens" in moves else ())
-    in_space = Front("lens", lens, turn if turns_lens else Rigid()) if isinstance(lens, LensInSpace) else None
-    return Body(walls, emitter, marks, apart=apart, front=in_space)
+    faces, separate = behind_gap(faces, plan.gap_mm)
+    if "receivers" in moving:
+        separate = tuple(replace(face, curve=face.curve.moved(rotation)) for face in separate)
+    (walls,) = with_walls((faces,), plan.wall, JOINS if plan.motion.kind == "rotation" and "lens" in moving else ())
+    front_in_space = Front("lens", lens, rotation if lens_moves else Rigid()) if isinstance(lens, LensInSpace) else None
+    return Body(walls, emitter, marks, separate=separate, front=front_in_space)
 
 
 def _bent(plan: _Plan, angle_deg: float) -> Body:
-    """Return the body with its stem bent from base to fork; lens and emitter are carried along, the arms stay fixed."""
-    rest = _turned(plan, 0.0)
+    """Return the body with its stem bent from base to fork; lens and emitter move with the base, the arms are fixed."""
+    rest = _rotated(plan, 0.0)
     base_mm = plan.lens.depth_mm
     bend = bend_of(plan.motion.centre_line, base_mm, base_mm + plan.body.stem_length_mm, angle_deg)
-    carried = bend.section(base_mm)
+    base_motion = bend.section_motion(base_mm)
 
     def moved(face: Face) -> Curve:
         if face.part == "lens":
-            return face.curve.moved(carried)
+            return face.curve.moved(base_motion)
         if face.part != "stem":
             return face.curve
         (curve,) = bent(face.curve, bend)
         return curve
 
-    emitter = Pose(carried.point(rest.emitter.point), angle_deg)
-    marks = {**rest.marks, "stem-base": carried.point(rest.marks["stem-base"])}
+    emitter = Pose(base_motion.point(rest.emitter.point), angle_deg)
+    marks = {**rest.marks, "stem-base": base_motion.point(rest.marks["stem-base"])}
     faces = tuple(replace(face, curve=moved(face)) for face in rest.faces)
-    front = None if rest.front is None else replace(rest.front, motion=carried)
+    front = None if rest.front is None else replace(rest.front, motion=base_motion)
     return replace(rest, faces=faces, emitter=emitter, marks=marks, front=front)
 
 
 def arm_angle_deg(design: Design) -> float:
-    """Return the angle of the arms to the axis: as specified, otherwise the slope of the stem edge at the fork."""
+    """Return the angle of the arms to the axis: as specified, otherwise that of the side of the stem at the fork."""
     return _arm_angle_deg(design.body)
 
 
@@ -151,7 +151,7 @@ def _arm_angle_deg(body: BodyTable) -> float:
 
 
 def _pivot(plan: _Plan) -> Point:
-    """Return the centre of the motion; the emitter position excludes its decentre, which is a position error."""
+    """Return the pivot of the motion; the position of the emitter excludes its decentre, which is an assembly error."""
     pivot = plan.motion.pivot
     if pivot == "stem-base":
         return (0.0, plan.lens.depth_mm)
@@ -178,17 +178,17 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
         raise DesignError(
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
-            limit="must be above 0 if the arms continue the edge of the stem, otherwise they never separate",
+            limit="must be above 0 if the arms continue the sides of the stem: otherwise they never separate",
             remedy="increase it or specify body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:
         widest_mm = body.arm_width_mm + x / math.cos(math.radians(angle_deg))
-        parts = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width is possible"
+        bound = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width is possible"
         raise DesignError(
             "body.arm_width_mm",
             value=body.arm_width_mm,
-            limit=f"{parts}: the arms do not separate before their ends",
+            limit=f"{bound}: the arms do not separate before their ends",
             remedy="make the arms narrower, lengthen them, increase their angle or widen the stem",
         )
     return (0.0, z - x / math.tan(math.radians(angle_deg)))
@@ -201,21 +201,21 @@ class _Join:
     kind: Join
     axis: Point
 
-    def wall(self, whole: Parabola, edge: Point) -> Parabola:
-        """Return the remaining part of a side of the stem."""
-        risen_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - whole.vertex[1])
+    def wall(self, side: Parabola, edge: Point) -> Parabola:
+        """Return the part of a side of the stem that remains."""
+        start_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - side.vertex[1])
         if self.kind == "smooth":
-            risen_mm += abs(whole.vertex[0])
-        if risen_mm >= whole.to_mm:
+            start_mm += abs(side.vertex[0])
+        if start_mm >= side.to_mm:
             raise DesignError(
                 "motion",
-                value=f"the lens edge joins the stem {risen_mm:.3g} mm above its base",
-                limit=f"the stem is {whole.to_mm:g} mm long",
+                limit=f"the lens edge joins the stem {start_mm:.3g} mm above its base, but the stem is only "
+                f"{side.to_mm:g} mm long",
                 remedy="reduce the rotation angle",
             )
-        wall = replace(whole, from_mm=risen_mm)
+        wall = replace(side, from_mm=start_mm)
         if GAP_MM < math.dist(edge, wall.start) < MIN_LENGTH_MM:  # the step is too short to be a face
-            return replace(wall, from_mm=risen_mm + STEP_MM)
+            return replace(wall, from_mm=start_mm + STEP_MM)
         return wall
 
     def face(self, edge: Point, wall: Parabola) -> Curve:
@@ -228,16 +228,16 @@ class _Join:
 
 
 def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) -> tuple[Face, ...]:
-    """Return faces from the lens edge to the crotch, upwards along the stem and back along the arm."""
-    apart_mm = math.dist(lens_edge, half.wall.start)
-    wall = half.wall if apart_mm <= GAP_MM else join.wall(half.wall, lens_edge)
-    gap_mm = min(apart_mm, math.dist(lens_edge, wall.start))
+    """Return the faces from the lens edge to the crotch: upwards along the stem, and around the arm."""
+    distance_mm = math.dist(lens_edge, half.wall.start)
+    wall = half.wall if distance_mm <= GAP_MM else join.wall(half.wall, lens_edge)
+    gap_mm = min(distance_mm, math.dist(lens_edge, wall.start))
     if gap_mm > abs(half.wall.vertex[0]):
         raise DesignError(
             "motion",
-            value=f"the lens edge moves {gap_mm:.3g} mm away from the stem",
-            limit=f"the limit is the half width of the lens, {abs(half.wall.vertex[0]):g} mm",
-            remedy="reduce the rotation angle, or use a nearer pivot",
+            limit=f"moves the lens edge {gap_mm:.3g} mm away from the stem; the limit is the half width of the lens, "
+            f"{abs(half.wall.vertex[0]):g} mm",
+            remedy="reduce the rotation angle, or use a closer pivot",
         )
     curves: list[tuple[str, Curve]] = [
         ("stem", wall),
@@ -247,7 +247,7 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) 
     ]
     if gap_mm > GAP_MM:
         curves.insert(0, ("join", join.face(lens_edge, wall)))
-    lacking_mm = Measure(replace(wall, from_mm=0.0, to_mm=wall.from_mm)).length_mm if wall.from_mm > 0.0 else 0.0
+    removed_mm = Measure(replace(wall, from_mm=0.0, to_mm=wall.from_mm)).length_mm if wall.from_mm > 0.0 else 0.0
     return tuple(
-        Face(f"{part}-{name}", curve, begins_mm=lacking_mm if part == "stem" else 0.0) for part, curve in curves
+        Face(f"{part}-{name}", curve, begins_mm=removed_mm if part == "stem" else 0.0) for part, curve in curves
     )

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from solen.errors import DesignError
-from solen.geometry import Body, Displaced, Touch, body_of, displaced
-from solen.geometry.outline import undecentred
+from solen.geometry import Body, ContactSegment, Displaced, body_of, displaced
+from solen.geometry.outline import centred_position
 from solen.geometry.walls import DARK
 from solen.lens import Lens
 from solen.material.resin import resin_of
@@ -65,12 +65,12 @@ class LoadedState:
     @property
     def turn_deg(self) -> float:
         """Angle by which the part that carries the emitter has rotated."""
-        return self.displaced.carried.angle_deg
+        return self.displaced.emitter_motion.angle_deg
 
     @property
     def lens_turn_deg(self) -> float:
         """Rotation angle of the lens; if no face is called ``lens``, that of the part that carries the emitter."""
-        return (self.displaced.lens or self.displaced.carried).angle_deg
+        return (self.displaced.lens_motion or self.displaced.emitter_motion).angle_deg
 
 
 @dataclass(frozen=True)
@@ -127,15 +127,16 @@ class LoadedBody:
     def _with_walls(self, value: float, deformed: Deformed) -> LoadedState:
         """Return the state with its displaced walls and the wall tables of its contacts."""
         walls: list[Wall] = []
-        touches: list[Touch] = []
+        contacts: list[ContactSegment] = []
         fingers = {press.name: press for press in self.design.press}
         for contact in deformed.contacts:
             wall = self._contact_wall(fingers[contact.name], contact)
             if wall is not None:
-                touches.append(Touch(contact.face, contact.u_from, contact.u_to, len(self.design.wall) + len(walls)))
+                index = len(self.design.wall) + len(walls)
+                contacts.append(ContactSegment(contact.face, contact.u_from, contact.u_to, index))
                 walls.append(wall)
         design = self.design.model_copy(update={"wall": (*self.design.wall, *walls)}) if walls else self.design
-        moved = displaced(self.rest, deformed.walls, self.design.motion.emitter_on, touches)
+        moved = displaced(self.rest, deformed.walls, self.design.motion.emitter_on, contacts)
         return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
 
     def _contact_wall(self, finger: tables.Press, contact: Contact) -> Wall | None:
@@ -255,4 +256,4 @@ def _stretch(row: tables.Hold | tables.Pull) -> Stretch:
 def _pivot(design: Design, rest: Body, about: str | Point) -> Point:
     if about == "stem-base":
         return rest.marks["stem-base"]
-    return undecentred(design, rest.emitter) if isinstance(about, str) else about
+    return centred_position(design, rest.emitter) if isinstance(about, str) else about

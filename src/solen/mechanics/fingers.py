@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DesignError
 from solen.geometry import Body, material
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.mechanics.load import Press
 from solen.mechanics.material import Material
 from solen.mechanics.mesh import BodyMesh
@@ -69,11 +69,11 @@ class Finger:
         """Raise `DesignError` if the finger passed through the body, meets supported points (N, 2) or lost contact."""
         centre = self.start_mm + depth_mm * self.direction
         x, z = centre + self.press.radius_mm * self.direction
-        tip = place_text((float(x), float(z)))
+        tip = point_text((float(x), float(z)))
         inside = np.hypot(*(supported - centre).T) < self.press.radius_mm - PENETRATION_TOLERANCE_MM
         if inside.any():
             hit_x, hit_z = supported[inside][0]
-            limit = f"the finger reaches a supported point, {place_text((float(hit_x), float(hit_z)))}"
+            limit = f"the finger reaches a supported point, {point_text((float(hit_x), float(hit_z)))}"
             raise DesignError(self.press.name, limit=limit, remedy="press elsewhere, or shorten the hold")
         if self.by_force and depth_mm >= self.body_depth_mm:
             limit = f"pushes the finger {depth_mm:.3g} mm deep, to {tip}, through a body of {self.body_depth_mm:.3g} mm"
@@ -98,11 +98,11 @@ def finger_of(body: Body, press: Press) -> Finger:
     normal = np.array(face.curve.normal_at((float(at[0]), float(at[1]))))
     direction = normal if press.direction_deg is None else np.array(heading(press.direction_deg))
     if direction @ normal < MIN_COSINE:
-        limit = f"does not point into {face.name} at {place_text((at[0], at[1]))}"
+        limit = f"does not point into {face.name} at {point_text((at[0], at[1]))}"
         raise DesignError(f"{press.name}.direction_deg", value=press.direction_deg, limit=limit)
     finger = Finger(press, face.name, at - press.radius_mm * normal, direction, _body_depth_mm(body, at, direction))
     if press.depth_mm is not None and press.depth_mm >= finger.body_depth_mm:
-        limit = f"must be below {finger.body_depth_mm:.4g} mm, the depth of the body at {place_text((at[0], at[1]))}"
+        limit = f"must be below {finger.body_depth_mm:.4g} mm, the depth of the body at {point_text((at[0], at[1]))}"
         raise DesignError(f"{press.name}.depth_mm", value=press.depth_mm, limit=limit)
     return finger
 

@@ -18,7 +18,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DesignError
 from solen.geometry import Body, Face
-from solen.geometry.body import filled, place_text
+from solen.geometry.body import filled, point_text
 from solen.geometry.measures import area_mm2, perimeter_mm
 from solen.mechanics.triangulation import Sizes, triangulate
 
@@ -101,7 +101,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     DesignError
         If the sizes require too many triangles, or a corner is too sharp to be filled.
     """
-    body.upright()
+    body.prism()
     sizes = _sizes_of(body, options, cuts)
     _check_count(body, sizes, options.size_mm)
     rings = [[_parameters(face, sizes, cuts.get(face.name, ())) for face in outline] for outline in body.outlines]
@@ -113,7 +113,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
             return _quadratic(body, rings, outline, points, triangles)
         rings = outline.halved(rings, missing)
     x, z = outline.points[int(np.flatnonzero(missing)[0])]
-    limit = f"no triangles fit at {place_text((x, z))}, where the walls are too close to each other"
+    limit = f"no triangles fit at {point_text((x, z))}, where the walls are too close to each other"
     raise DesignError("mesh", limit=limit)
 
 

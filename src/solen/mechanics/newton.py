@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.mechanics.elements import Elements
 from solen.mechanics.fingers import Finger, Pairs, Touch, touch_of
 from solen.mechanics.supports import Supports
@@ -172,7 +172,7 @@ def _shortened(problem: Problem, guess: Guess, jump: FloatArray, change: _Change
 def _centre_text(problem: Problem, inverted: BoolArray) -> str:
     nodes = problem.elements.nodes[int(np.flatnonzero(inverted)[0])]
     x, z = problem.supports.points_mm[nodes].mean(axis=0)
-    return place_text((float(x), float(z)))
+    return point_text((float(x), float(z)))
 
 
 def _projection(problem: Problem, angles: FloatArray) -> Any:

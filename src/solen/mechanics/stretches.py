@@ -9,7 +9,7 @@ import numpy as np
 from solen.arrays import FloatArray, IndexArray
 from solen.curve import Measure
 from solen.errors import DesignError
-from solen.geometry import Body, Face, called
+from solen.geometry import Body, Face, has_name
 from solen.mechanics.load import Hold, Load, Press, Stretch
 from solen.mechanics.mesh import BodyMesh
 
@@ -34,7 +34,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     DesignError
         If the stretch names no face of an outline, or lies outside all faces that it names.
     """
-    named = [face for face in body.all_faces if called(face, stretch.face)]
+    named = [face for face in body.all_faces if has_name(face, stretch.face)]
     if not named:
         raise _unknown_face(body, stretch.face, what)
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
@@ -50,7 +50,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
 
 def contact_position(body: Body, press: Press) -> tuple[Face, float]:
     """Return the face and parameter of a finger's first contact; raise `DesignError` if there is none."""
-    named = [face for face in body.all_faces if called(face, press.face)]
+    named = [face for face in body.all_faces if has_name(face, press.face)]
     if not named:
         raise _unknown_face(body, press.face, press.name)
     ends = []

@@ -18,7 +18,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DesignError
 from solen.geometry import Body, Face
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.mechanics.load import Hold, Turn
 from solen.mechanics.mesh import BodyMesh
 from solen.mechanics.stretches import nodes_on
@@ -181,7 +181,7 @@ def _without_shared(group: Group, owners: dict[int, Hold | Turn], support: Hold 
     for n in shared:
         if any(isinstance(owner, Turn) or owner.kind == "turning" for owner in (owners[n], support)):
             x, z = points[n]
-            limit = f"shares a point, {place_text((float(x), float(z)))}, with {owners[n].name}, and one of them moves"
+            limit = f"shares a point, {point_text((float(x), float(z)))}, with {owners[n].name}, and one of them moves"
             raise DesignError(support.name, limit=limit, remedy="leave a free stretch between the two")
     return group._replace(nodes=np.setdiff1d(group.nodes, np.array(shared, dtype=np.intp)))
 
@@ -258,12 +258,12 @@ def _check_piece(supports: Supports, mask: BoolArray) -> None:
         motion = "it is not supported"
     elif abs(turn) > MIN_CONSTRAINT:
         x, z = centre + size * np.array([-shift_z, shift_x]) / turn
-        motion = f"it can turn about {place_text((float(x), float(z)))}"
+        motion = f"it can turn about {point_text((float(x), float(z)))}"
     else:
         motion = f"it can shift in the direction ({shift_x:.2g}, {shift_z:.2g})"
     names = ", ".join(group.name for group in supports.groups) or "no holds"
     remedy = 'support more of it: the kind of a hold is "fixed", "sliding" or "turning"'
-    body_text = place_text((float(centre[0]), float(centre[1])))
+    body_text = point_text((float(centre[0]), float(centre[1])))
     raise DesignError("hold", value=names, limit=f"{motion} (the body at {body_text})", remedy=remedy)
 
 

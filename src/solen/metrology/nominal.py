@@ -218,7 +218,7 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     sensor = Sensor.of(design)
     name = name or design.name
     if sensor.is_drawn:
-        return _drawn_front(name, sensor.body().upright())
+        return _drawn_front(name, sensor.body().prism())
     if not sensor.has_lens:
         raise DataError(
             name, limit="has no lens with which an image could be compared", remedy="inspect a design with a lens"

@@ -101,7 +101,7 @@ def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
 def lens_image(sensor: Sensor, number: int = 0) -> bytes:
     """Return a PNG of the lens of a design as the model prints it, with the part slightly rotated."""
     printed = print_design(sensor, response=False)
-    body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
+    body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().prism()
     part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), PART_ANGLE_DEG, origin=(0.0, 0.0))
     view = _View(LENS_VIEW_MM, LENS_UM_PER_PX)
     levels = BACKGROUND + (PART - BACKGROUND) * view.covered(part)

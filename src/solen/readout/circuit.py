@@ -220,9 +220,9 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
     """Return the face area of each receiver: its length in the plane times its height (default: the body's)."""
     height = design.receivers.height_mm or design.body.thickness_mm
     areas: dict[str, float] = {}
-    for face in (*body.all_faces, *body.apart):
+    for face in (*body.all_faces, *body.separate):
         if face.part == "receiver":
-            areas[face.whose] = areas.get(face.whose, 0.0) + Measure(face.curve).length_mm * height
+            areas[face.label] = areas.get(face.label, 0.0) + Measure(face.curve).length_mm * height
     return dict(sorted(areas.items(), reverse=True))
 
 

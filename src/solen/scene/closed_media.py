@@ -23,7 +23,7 @@ import numpy as np
 from solen.arrays import FloatArray, IndexArray
 from solen.curve import END_TOLERANCE_MM, Arc, Curve
 from solen.errors import DesignError
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.plane import Point, along, cross, dot, left_of, right_of
 
 if TYPE_CHECKING:  # the model calls this module
@@ -263,7 +263,7 @@ def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list
         gap_mm, target = extension_mm, f"side of {side}"
     return DesignError(
         f"interface {name}",
-        limit=f"is not closed at its {branch.end}: there is a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the "
+        limit=f"is not closed at its {branch.end}: there is a gap of {gap_mm:.3g} mm at {point_text(branch.at)} to the "
         f"{target}; the interface separates {branch.interface.left} and {branch.interface.right}, so another boundary "
         "must continue from this end",
         remedy="join the ends, specify the same region on both sides, or set open_media",
@@ -290,7 +290,7 @@ def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
         remedy = f"divide {' and '.join(interface.name for interface in through)} at this point, or {remedy}"
     return DesignError(
         f"interfaces {a.interface.name} and {b.interface.name}",
-        limit=f"media do not fit at {place_text(a.at)}: in the sector between them, {a.interface.name} specifies "
+        limit=f"media do not fit at {point_text(a.at)}: in the sector between them, {a.interface.name} specifies "
         f"{a.after} and {b.interface.name} specifies {b.before}",
         remedy=remedy,
     )

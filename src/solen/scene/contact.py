@@ -206,7 +206,7 @@ def _check_pads(body: Body, pads: Sequence[Pad]) -> None:
 
     solid, shapes = material(body, FLAT_MM), [shapely.Polygon(_ring(pad)) for pad in pads]
     obstacles: list[tuple[str, shapely.LineString | shapely.Point]] = [
-        (face.name, shapely.LineString(face.curve.flattened(FLAT_MM))) for face in body.apart
+        (face.name, shapely.LineString(face.curve.flattened(FLAT_MM))) for face in body.separate
     ]
     obstacles.append(("the emitter", shapely.Point(body.emitter.point)))
     for i, (pad, shape) in enumerate(zip(pads, shapes, strict=True)):

@@ -15,7 +15,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import CubicChain, Curve, Segment
 from solen.errors import DesignError
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.plane import Point, cross, dot, minus, unit
 from solen.scene.closed_media import ENDS, SAMPLES, passes_through, tolerance_of
 
@@ -50,11 +50,11 @@ def check_overlaps(interfaces: Sequence["Interface"]) -> None:
         first, second = interfaces[i], interfaces[j]
         at = _common(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            limit = f"overlap at {place_text(at)}, so rounding would determine which of them a ray meets"
+            limit = f"overlap at {point_text(at)}, so rounding would determine which of them a ray meets"
             raise _error(first, second, limit)
         at = None if _may_cross(first, second) else _crossing(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            limit = f"cross at {place_text(at)}, so one of them borders the wrong medium on one side of the crossing"
+            limit = f"cross at {point_text(at)}, so one of them borders the wrong medium on one side of the crossing"
             raise _error(first, second, limit)
 
 

@@ -55,7 +55,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     """
     interfaces = [
         *(_interface(face, BODY, design.wall) for face in body.all_faces),
-        *(_interface(face, AIR.name, design.wall) for face in body.apart),
+        *(_interface(face, AIR.name, design.wall) for face in body.separate),
         *pad_edges(body, design.wall),
     ]
     light = light_of(design)
@@ -133,7 +133,7 @@ def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
     """Return the interface of a face, with the body or the air on its left."""
     behaviour = BEHAVIOURS.get(face.part, "refracting")
     if behaviour == "receiver":
-        return Interface(face.name, face.curve, left, AIR.name, behaviour, face.whose)
+        return Interface(face.name, face.curve, left, AIR.name, behaviour, face.label)
     if face.wall is None:
         return Interface(face.name, face.curve, left, AIR.name, behaviour)
     wall = walls[face.wall]

@@ -199,11 +199,11 @@ def _focus(lens: CurvedLens, index: float) -> Focus:
 def body_sizes(sensor: Sensor) -> BodySizes:
     """Return the sizes of a sensor's body at rest."""
     body, design_body = sensor.body(), sensor.design.body
-    faces = (*body.all_faces, *body.apart)
+    faces = (*body.all_faces, *body.separate)
     sizes = BodySizes(
         file=design_body.file if sensor.is_drawn else None,
         faces=tuple(face.name for face in (faces if sensor.is_drawn else body.faces)),
-        receivers=tuple(dict.fromkeys(face.whose for face in faces if face.part == "receiver")),
+        receivers=tuple(dict.fromkeys(face.label for face in faces if face.part == "receiver")),
         area_mm2=body.area_mm2(),
         emitter_x_mm=body.emitter.point[0],
         emitter_z_mm=body.emitter.point[1],

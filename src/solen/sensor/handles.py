@@ -18,7 +18,7 @@ from solen.arrays import FloatArray
 from solen.geometry import Body, arm_angle_deg
 from solen.geometry.bend import bend_of
 from solen.geometry.network import plan_of
-from solen.geometry.outline import undecentred
+from solen.geometry.outline import centred_position
 from solen.plane import Point, Rigid, along, heading, minus, right_of, unit
 from solen.spec import Design, with_values
 from solen.spec.network import PlacedLens, PlacedReceiver
@@ -69,7 +69,7 @@ def _outline_handles(sensor: "Sensor", body: Body, angle_deg: float) -> Iterator
     design, rest = sensor.design, sensor.body(0.0)
     low, high = design.motion.bend_mm or (0.0, 1.0)
     base = (0.0, low) if design.motion.kind == "bend" else rest.marks["stem-base"]
-    yield from _motion_handles(design, undecentred(design, rest.emitter), base, high - low, angle_deg)
+    yield from _motion_handles(design, centred_position(design, rest.emitter), base, high - low, angle_deg)
     if sensor.light.ray_file is None:
         yield "emitter", _drawn_emitter_handle(design, body, rest)
 
@@ -87,7 +87,7 @@ def _motion_handles(
 
         def lever(angle: float) -> Point:
             bend = bend_of(motion.centre_line, base[1], base[1] + length_mm, angle)
-            return bend.section(base[1]).point((base[0], base[1] - LEVER_MM))
+            return bend.section_motion(base[1]).point((base[0], base[1] - LEVER_MM))
 
         def bent_to(to: Point) -> float:
             from scipy.optimize import minimize_scalar
@@ -133,7 +133,7 @@ def _drawn_emitter_handle(design: Design, body: Body, rest: Body) -> Handle:
 
     def values(to: Point) -> Values:
         right, ahead = _components(body, to)
-        at = undecentred(design, rest.emitter)
+        at = centred_position(design, rest.emitter)
         x, z = along(along(at, right_of(heading(rest.emitter.axis_deg)), right), heading(rest.emitter.axis_deg), ahead)
         return {"emitter.point_mm": [round(x, 3), round(z, 3)]} | (defaults if design.emitter.point_mm is None else {})
 
@@ -161,7 +161,7 @@ def _network_handles(sensor: "Sensor", body: Body, _: float) -> Iterator[tuple[s
     design, network = sensor.design, sensor.design.network
     if design.outline_file is not None:
         return
-    places = plan_of(design).places
+    places = plan_of(design).positions
     for number, node in enumerate(network.nodes):
         free = _free_numbers(design, number)
         if free is not None:
@@ -212,7 +212,7 @@ def _node_values(
     """Return a function from a point to the values that move a node there, or as near as possible (Gauss-Newton)."""
 
     def position(numbers: FloatArray) -> FloatArray:
-        return np.array(plan_of(with_values(design, values(numbers.tolist()))).places[name])
+        return np.array(plan_of(with_values(design, values(numbers.tolist()))).positions[name])
 
     def to_point(to: Point) -> Values:
         numbers = np.array(start)

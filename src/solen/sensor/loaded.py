@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import SolenError
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.geometry.notches import ClosedNotch
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
@@ -214,7 +214,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         strain_largest=state.deformed.strain_largest,
         reactions=state.deformed.reactions,
         contacts=state.deformed.contacts,
-        off_mm=state.displaced.off_mm,
+        off_mm=state.displaced.deviation_mm,
         bulge_mm=state.deformed.bulge_mm,
         warnings=(*range_cautions(sensor, value), *stiffness_cautions(sensor.design), *_cautions([state])),
     )
@@ -253,7 +253,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
         receivers=readings.circuit.names,
         voltage_V=readings.voltage_V,
         strain_largest=np.array([state.deformed.strain_largest for state in states]),
-        off_mm=np.array([state.displaced.off_mm for state in states]),
+        off_mm=np.array([state.displaced.deviation_mm for state in states]),
         planes=planes,
         reactions=tuple(state.deformed.reactions for state in states),
         warnings=tuple(dict.fromkeys(warnings)),
@@ -328,17 +328,19 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     if LARGE_STRAIN < strain <= MAX_FITTED_STRAIN:  # larger strains are among the warnings of the states
         text = f"strains reach {strain:.2f}, at which a modulus alone does not determine the deformation of a rubber"
         cautions.append(warning(text))
-    off_mm = max(state.displaced.off_mm for state in states)
+    off_mm = max(state.displaced.deviation_mm for state in states)
     if off_mm > MAX_WALL_ERROR_MM:
         text = f"the optical walls deviate from the finite elements by up to {off_mm:.1g} mm between the nodes"
         cautions.append(warning(f"{text}; set a smaller mechanics.mesh_mm"))
-    notches = [notch for state in states for notch in state.displaced.closed if notch.overlap_mm > MAX_OVERLAP_MM]
+    notches = [
+        notch for state in states for notch in state.displaced.closed_notches if notch.overlap_mm > MAX_OVERLAP_MM
+    ]
     return [*cautions, *([_notch_caution(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
 
 def _notch_caution(notch: ClosedNotch) -> Caution:
     return warning(
-        f"{' and '.join(notch.faces)} close the notch between them as far as {place_text(notch.at_mm)}, over "
+        f"{' and '.join(notch.faces)} close the notch between them as far as {point_text(notch.at_mm)}, over "
         f"{notch.length_mm:.2g} mm, and would overlap by {1e3 * notch.overlap_mm:.2g} µm: light passes between them as "
         "in one body, and their contact force is neglected"
     )

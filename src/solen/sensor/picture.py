@@ -93,7 +93,7 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = DEFAULT_RAYS, *,
     traced = trace(scene, "power" if split else "count", Limits(min_weight=MIN_POWER), legs=True, threads=1)
     receivers = [interface.receiver for interface in scene.interfaces]
     names = tuple(dict.fromkeys(name for name in receivers if name))
-    faces = [(face.name, face.curve.flattened(CHORD_MM)) for face in (*body.all_faces, *body.apart)]
+    faces = [(face.name, face.curve.flattened(CHORD_MM)) for face in (*body.all_faces, *body.separate)]
     return Picture(
         angle_deg=angle_deg,
         faces=tuple((name, len(points)) for name, points in faces),

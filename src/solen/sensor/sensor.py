@@ -196,7 +196,7 @@ class Sensor:
             remedy = "use solen check, trace, sensitivity or run"
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         body = self.body()
-        receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
+        receivers = sorted({face.label for face in (*body.all_faces, *body.separate) if face.part == "receiver"})
         if receivers != ["left", "right"]:
             raise DesignError(
                 "receivers",

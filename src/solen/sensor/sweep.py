@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solen.geometry.mirror import OTHER
+from solen.geometry.mirror import OPPOSITE_SIDE
 from solen.progress import Progress, on_threads, part_of, tracked
 from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
@@ -40,7 +40,7 @@ def readings_at(
 def mirrored(reading: Reading) -> Reading:
     """Return the reading of a symmetric sensor at the opposite angle."""
     detectors = reading[0].detectors
-    return _with_detectors(reading, {name: detectors[OTHER[name]] for name in detectors})
+    return _with_detectors(reading, {name: detectors[OPPOSITE_SIDE[name]] for name in detectors})
 
 
 def balanced(reading: Reading) -> Reading:
@@ -57,7 +57,7 @@ def _with_detectors(reading: Reading, detectors: dict[str, Detected]) -> Reading
 
 def _mean(detectors: Mapping[str, Detected]) -> Detected:
     """Return the mean of two receivers."""
-    right, left = (detectors[name] for name in OTHER)
+    right, left = (detectors[name] for name in OPPOSITE_SIDE)
     sources = zip(right.power_by_source, left.power_by_source, strict=True)
     return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
 

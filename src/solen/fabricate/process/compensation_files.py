@@ -59,7 +59,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
     """Return the outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter of the designed body."""
-    body = sensor.body().upright()
+    body = sensor.body().prism()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}
     points = {"pivot": list(body.marks["stem-base"])} if "stem-base" in body.marks else {}

@@ -115,11 +115,11 @@ class _Print:
 
     @cached_property
     def target(self) -> Target:
-        return Target.of(lens_face(self.sensor.body().upright()).curve, points_for(self.options.orientation))
+        return Target.of(lens_face(self.sensor.body().prism()).curve, points_for(self.options.orientation))
 
     @cached_property
     def rings(self) -> list[FloatArray]:
-        return rings_of(as_designed(self.sensor.body().upright()))
+        return rings_of(as_designed(self.sensor.body().prism()))
 
     @cached_property
     def chosen(self) -> Phase | None:
@@ -186,11 +186,11 @@ class _Print:
 
     def compensation(self) -> Compensation:
         settings, phase = self.process.process, self.phase_px or (0.0, 0.0)
-        body = self.sensor.body().upright()
+        body = self.sensor.body().prism()
         return compensated(Printing(body, self.target, settings, self.thickness_mm, self.height_um, phase))
 
     def part(self) -> PrintedPart:
-        design, body = self.sensor.design, self.sensor.body().upright()
+        design, body = self.sensor.design, self.sensor.body().prism()
         centre = self.target.centre
         phase = self.phase_px or (0.0, 0.0)
         mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, phase)

@@ -1,7 +1,7 @@
-"""Coupon layouts: features with nominal positions and sizes, for parts that are printed to be measured.
+"""Coupon layouts: features with nominal positions and sizes, on parts that are printed to be measured.
 
-`COUPONS` lists the coupons; `layout` lays one out. Ambiguities of the source are options of `CouponOptions`, and the
-``readings`` of a coupon report the selected interpretations.
+`COUPONS` contains the coupons; `layout` returns one of them. Where the source is ambiguous, `CouponOptions` has an
+option, and the ``readings`` of a coupon report the selected interpretation.
 """
 
 from collections.abc import Callable
@@ -29,18 +29,18 @@ COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
 
 
 def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return the coupon with a given name; raises `SpecError` if there is none or it cannot be laid out."""
+    """Return the coupon with a given name; raise `SpecError` if there is none or it cannot be laid out."""
     if name not in COUPONS:
         raise SpecError("coupon", value=name, limit=f"must be one of {', '.join(COUPONS)}")
     return COUPONS[name](options)
 
 
 def layouts(only: str | None = None, options: CouponOptions = CouponOptions()) -> list[Coupon]:
-    """Return coupons, selected by comma-separated names, in the order of `COUPONS`; all coupons by default."""
+    """Return the coupons with comma-separated names, in the order of `COUPONS`; all coupons by default."""
     wanted = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
     for name in wanted:
         if name not in COUPONS:
-            raise SpecError("--only", value=name, limit=f"must be some of {', '.join(COUPONS)}")
+            raise SpecError("--only", value=name, limit=f"must be one or more of {', '.join(COUPONS)}")
     return [layout(name, options) for name in COUPONS if name in wanted]
 
 

@@ -1,11 +1,11 @@
 """A coupon: features with nominal positions and sizes on a slab, and the interpretation of the source.
 
-A coupon lies on the build plate and is seen from above: x to the right, y up, origin at the centre; heights are
-measured from the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two
-columns, a `Step` the height difference between two columns. A `Stage` is one print run; most coupons have a single run.
-A `Reading` contains a statement of the source and its interpretation, if the source is ambiguous or contradictory.
+A coupon lies on the build plate and is viewed from above, with x to the right, y up and the origin at the centre;
+heights are measured from the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance
+between two columns, a `Step` the height difference between two columns. A `Stage` is one print run; most coupons have a
+single one. A `Reading` is the interpretation of a statement of the source that is ambiguous or contradictory.
 
-All of these classes are frozen dataclasses of plain numbers; `solen.fabricate` makes solids from them, and
+All these classes are frozen dataclasses of plain numbers; `solen.fabricate` makes solids from them, and
 `solen.metrology` matches measurements to them.
 """
 
@@ -28,14 +28,14 @@ TOUCH_MM = 1e-6
 """Features closer than this touch."""
 
 
-class _Table:
-    """A table of a coupon file; unknown keys are rejected."""
+class _FileTable:
+    """An object in a coupon file; unknown keys are rejected."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True)
-class Feature(_Table):
+class Feature(_FileTable):
     """A column or a hole of nominal size.
 
     Attributes
@@ -49,17 +49,17 @@ class Feature(_Table):
     width_mm, depth_mm
         Extent along x and y; both equal the diameter of a round feature.
     from_mm, to_mm
-        Heights above the plate, or above the zero of the stage; for a hole, heights of the pierced material.
+        Heights above the plate, or above the zero of the stage; for a hole, those of the faces of the material.
     round
-        Whether it is a circle rather than a rectangle.
+        Whether the feature is a circle rather than a rectangle.
     bevel_mm
-        Legs of the bevel at the right back corner (+x, +y) of a rectangle; 0 for none.
+        Legs of the bevel at the rear right corner (+x, +y) of a rectangle; 0 for none.
     stage
         Name of the run in which it is printed.
     exposure_s
         Exposure, if different from that of the layers.
     grey
-        Grey level of its pixels as a fraction of the full level, if not full.
+        Grey level of its pixels as a fraction of the full level; None for the full level.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Feature(_Table):
 
     @property
     def is_stacked(self) -> bool:
-        """Whether the feature is a layer of a bar on top of another layer."""
+        """Whether the feature is a layer of a bar, on top of another layer."""
         return self.kind == "ledge" and self.from_mm > 0.0
 
     @property
@@ -91,8 +91,8 @@ class Feature(_Table):
         """Diameter of a round feature; width of any other."""
         return self.width_mm
 
-    def meets(self, other: "Feature") -> bool:
-        """Return whether two features must not overlap; layers of a bar may overlap at different heights."""
+    def must_clear(self, other: "Feature") -> bool:
+        """Return whether two features must not overlap as seen from above; layers of a bar at different heights may."""
         if self.kind != "ledge" or other.kind != "ledge":
             return True
         return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
@@ -100,7 +100,7 @@ class Feature(_Table):
     def distance_mm(self, other: "Feature") -> float:
         """Return the free distance to another feature as seen from above; negative if they overlap.
 
-        The distance is exact for two circles; next to a rectangle, a circle counts as its bounding square.
+        The distance is exact for two circles; next to a rectangle, a circle is treated as its bounding square.
         """
         dx, dy = abs(self.x_mm - other.x_mm), abs(self.y_mm - other.y_mm)
         if self.round and other.round:
@@ -112,8 +112,8 @@ class Feature(_Table):
 
 
 @dataclass(frozen=True)
-class Gap(_Table):
-    """Free distance between two columns, which are specified by name."""
+class Gap(_FileTable):
+    """Free distance between two columns, given by their names."""
 
     name: str
     between: tuple[str, str]
@@ -121,8 +121,8 @@ class Gap(_Table):
 
 
 @dataclass(frozen=True)
-class Step(_Table):
-    """Height difference between two neighbouring columns, the lower one first."""
+class Step(_FileTable):
+    """Height difference between two neighbouring columns, the lower one first, given by their names."""
 
     name: str
     between: tuple[str, str]
@@ -130,8 +130,8 @@ class Step(_Table):
 
 
 @dataclass(frozen=True)
-class Slab(_Table):
-    """Rectangular base about the origin, from the plate upwards, with a bevelled right back corner (+x, +y)."""
+class Slab(_FileTable):
+    """Rectangular base centred on the origin, from the plate upwards, with a bevelled rear right corner (+x, +y)."""
 
     width_mm: float
     depth_mm: float
@@ -140,11 +140,11 @@ class Slab(_Table):
 
 
 @dataclass(frozen=True)
-class Stage(_Table):
+class Stage(_FileTable):
     """One print run.
 
     ``z_offset_mm`` is the additional distance between the build platform and the floor of the vat at the first layer;
-    ``note`` describes the preparation.
+    ``note`` describes the preparation of the run.
     """
 
     name: str = ""
@@ -153,8 +153,8 @@ class Stage(_Table):
 
 
 @dataclass(frozen=True)
-class Reading(_Table):
-    """A statement of the source, and its interpretation."""
+class Reading(_FileTable):
+    """A statement of the source (``printed``) and its interpretation (``taken``)."""
 
     about: str
     printed: str
@@ -162,19 +162,19 @@ class Reading(_Table):
 
 
 @dataclass(frozen=True)
-class Coupon(_Table):
-    """A part to be printed and measured, checked when created.
+class Coupon(_FileTable):
+    """A part to be printed and measured; it is checked when it is created.
 
     Attributes
     ----------
     name, title
-        ``group-a``, and a description of its purpose.
+        Name, such as ``group-a``, and a description.
     features
         Columns and holes.
     slab
         The base that carries or contains the features; None for separate parts.
     gaps, steps
-        Gaps and steps between features.
+        Gaps and steps between the features.
     stages
         Print runs.
     readings
@@ -200,41 +200,46 @@ class Coupon(_Table):
 
     def __post_init__(self) -> None:
         if not self.features:
-            raise SpecError(f"coupon {self.name}", value="no features", limit="requires at least one")
+            raise SpecError(f"coupon {self.name}", limit="has no features, but requires at least one")
         if self.slab is not None:
             _check_sizes(f"{self.name} slab", self.slab.width_mm, self.slab.depth_mm, self.slab.thickness_mm)
             if not 0.0 <= self.slab.bevel_mm < min(self.slab.width_mm, self.slab.depth_mm):
-                raise SpecError(f"{self.name} bevel_mm", value=self.slab.bevel_mm, limit="must be less than the slab")
+                raise SpecError(
+                    f"{self.name} bevel_mm",
+                    value=self.slab.bevel_mm,
+                    limit="must be smaller than the sides of the slab",
+                )
         for feature in self.features:
             self._check(feature)
-        if len({feature.name for feature in self.features}) < len(self.features):
-            raise SpecError(
-                f"coupon {self.name}", limit="two features have the same size", remedy="specify each size only once"
-            )
-        for first, other in combinations(self.features, 2):
-            if first.stage == other.stage and first.meets(other) and first.distance_mm(other) < TOUCH_MM:
-                value = f"{first.name} and {other.name}"
-                raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="increase their distance")
+        name, count = Counter(feature.name for feature in self.features).most_common(1)[0]
+        if count > 1:
+            limit = f"{count} features are named {name}"
+            raise SpecError(f"coupon {self.name}", limit=limit, remedy="specify each size only once")
+        for first, second in combinations(self.features, 2):
+            if first.stage == second.stage and first.must_clear(second) and first.distance_mm(second) < TOUCH_MM:
+                limit = f"{first.name} and {second.name} overlap"
+                raise SpecError(f"coupon {self.name}", limit=limit, remedy="increase their distance")
 
     def _check(self, feature: Feature) -> None:
-        what = f"{self.name} {feature.name}"
-        _check_sizes(what, feature.width_mm, feature.depth_mm, feature.height_mm)
+        subject = f"{self.name} {feature.name}"
+        _check_sizes(subject, feature.width_mm, feature.depth_mm, feature.height_mm)
         if not (math.isfinite(feature.x_mm) and math.isfinite(feature.y_mm)):
-            raise SpecError(what, value=f"at {feature.x_mm}, {feature.y_mm} mm", limit="must be numbers")
+            limit = f"is at {feature.x_mm}, {feature.y_mm} mm, but its position must be finite"
+            raise SpecError(subject, limit=limit)
         if feature.exposure_s is not None and not 0.0 < feature.exposure_s < math.inf:
-            raise SpecError(f"{what} exposure_s", value=feature.exposure_s, limit="must be above 0")
+            raise SpecError(f"{subject} exposure_s", value=feature.exposure_s, limit="must be above 0")
         if feature.grey is not None and not 0.0 < feature.grey <= 1.0:
-            raise SpecError(f"{what} grey", value=feature.grey, limit="must be above 0 and at most 1")
+            raise SpecError(f"{subject} grey", value=feature.grey, limit="must be above 0 and at most 1")
         if self.slab is None:
             return
-        over_x = abs(feature.x_mm) + 0.5 * feature.width_mm - 0.5 * self.slab.width_mm
-        over_y = abs(feature.y_mm) + 0.5 * feature.depth_mm - 0.5 * self.slab.depth_mm
-        if max(over_x, over_y) > -TOUCH_MM:
+        excess_x = abs(feature.x_mm) + 0.5 * feature.width_mm - 0.5 * self.slab.width_mm
+        excess_y = abs(feature.y_mm) + 0.5 * feature.depth_mm - 0.5 * self.slab.depth_mm
+        if max(excess_x, excess_y) > -TOUCH_MM:
             size = f"{self.slab.width_mm:g} x {self.slab.depth_mm:g} mm"
-            raise SpecError(what, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
+            raise SpecError(subject, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
 
     def feature(self, name: str) -> Feature:
-        """Return the feature with a given name; raises `KeyError` if there is none."""
+        """Return the feature with a given name; raise `KeyError` if there is none."""
         return {feature.name: feature for feature in self.features}[name]
 
     def of_kind(self, kind: Kind) -> tuple[Feature, ...]:
@@ -243,7 +248,7 @@ class Coupon(_Table):
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
-        """Extent along x and y, and maximum height of a stage."""
+        """Extent along x and y, and the maximum height within a stage."""
         if self.slab is not None:
             width, depth = self.slab.width_mm, self.slab.depth_mm
         else:
@@ -253,7 +258,7 @@ class Coupon(_Table):
 
     @property
     def measured_kinds(self) -> tuple[str, ...]:
-        """Kinds of features visible in an image or a height map: some of ``pillar``, ``hole``, ``gap``, ``step``."""
+        """Kinds that an image or a height map can show: some of ``pillar``, ``hole``, ``gap`` and ``step``."""
         kinds = [kind for kind in ("pillar", "hole") if any(feature.kind == kind for feature in self.features)]
         return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
 
@@ -275,20 +280,20 @@ def coupon_of(data: Any, what: str) -> Coupon:
     """
     try:
         return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)
-    except ValidationError as invalid:
-        bad = option_refusal(invalid)
-        steps = invalid.errors()[0]["loc"]
-        where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps).lstrip(".")
-    except SpecError as impossible:
-        bad, where = impossible, impossible.what
-    raise DataError(f"{what}: {where}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
+    except ValidationError as error:
+        refusal = option_refusal(error)
+        path = error.errors()[0]["loc"]
+        where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    except SpecError as error:
+        refusal, where = error, error.what
+    raise DataError(f"{what}: {where}", value=refusal.value, limit=refusal.limit, remedy=refusal.remedy)
 
 
-def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
-    """Make names unique by adding a suffix to repeated ones: ``t-1s``, ``t-1s-2``."""
-    seen: Counter[str] = Counter()
+def unique_names(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
+    """Return the names, of which repeated ones have a suffix: ``t-1s``, ``t-1s-2``."""
+    counts: Counter[str] = Counter()
     numbered = []
     for name in names:
-        seen[name] += 1
-        numbered.append(name if seen[name] == 1 else f"{name}-{suffix(seen[name])}")
+        counts[name] += 1
+        numbered.append(name if counts[name] == 1 else f"{name}-{suffix(counts[name])}")
     return numbered

@@ -1,7 +1,7 @@
-"""Coupon parameters, and interpretations of the source if it gives no information or contradicts itself.
+"""Parameters of coupons, and interpretations of the source where it is incomplete or contradicts itself.
 
 The source is the Methods section of the paper on 3D-printed soft optical sensors with a lens. Four of its statements
-cannot be printed as written; each is an option here, and the `Reading` of the coupon explains the default.
+cannot be printed as written; each is an option here, and the `Reading` of the coupon explains the interpretation.
 """
 
 from typing import Annotated, Literal
@@ -18,17 +18,17 @@ class CouponOptions(Options):
     """Parameters of all coupons; quotations are from the paper."""
 
     hole_reading: Literal["repeats", "even", "tenths"] = "repeats"
-    """Eight holes "1.40–1.65 mm (steps of 0.1 mm)": repeats: steps of 0.05 mm, with the first and last sizes twice;
-    even: eight uniform steps over the range; tenths: steps of 0.1 mm from 1.40 mm.
+    """Eight holes of "1.40–1.65 mm (steps of 0.1 mm)". repeats: steps of 0.05 mm, with the first and last size twice;
+    even: eight uniformly spaced sizes over the range; tenths: steps of 0.1 mm from 1.40 mm.
     """
     step_reading: Literal["halving", "literal"] = "halving"
-    """Group C "heights 0.2 mm - 0.5 mm (0.5 mm steps) … (0.25 steps)": halving: steps of 0.05 and 0.025 mm; literal:
-        the printed steps, with which the range contains one and two heights.
+    """Rows of group C of "heights 0.2 mm - 0.5 mm (0.5 mm steps) … (0.25 steps)". halving: steps of 0.05 and 0.025 mm;
+    literal: the steps as written, with which the range contains one and two heights.
     """
     reference_reading: Literal["literal", "staircase"] = "literal"
-    """Pillars of "1.000 mm, 1.025 mm, and 0.025 mm": literal, or a staircase with 1.050 mm as the third."""
+    """Pillars of "1.000 mm, 1.025 mm, and 0.025 mm". literal: as written; staircase: 1.050 mm as the third."""
     gap_reading: Literal["pairs", "row"] = "pairs"
-    """Twelve gaps between cylinders of group B: as separate pairs, or in a single row of thirteen."""
+    """Twelve gaps between the cylinders of group B, in separate pairs or in a single row of thirteen."""
     spacing_mm: Size = 1.0
     """Free distance between separate features."""
     bevel_mm: Annotated[float, Field(ge=0, le=1e6)] = 0.6
@@ -36,7 +36,7 @@ class CouponOptions(Options):
     marks: bool = True
     """Three round marks on slabs with pillars, which orient an image; --marks=false omits them."""
     layer_um: Size = 25.0
-    """Layer thickness, for heights in layers and for the single layer."""
+    """Layer thickness of discs, ledges and the single layer."""
     pitch_um: Size | None = None
     """Pixel pitch of the printer; if specified, all features are centred on pixel corners and drawn identically."""
     exposure_s: Size = 2.0
@@ -46,15 +46,15 @@ class CouponOptions(Options):
     burn_in_s: Size = 3.0
     """Exposure of the burn-in layers."""
     irradiance_mW_per_cm2: Size = 13.0
-    """Irradiance at the window."""
+    """Irradiance at the window of the vat."""
     disc_exposures_s: Sizes = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
     """Exposures of the cure discs, in printing order."""
     greys: Sizes = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 1.0)
-    """Grey levels of the grey-step discs, as fractions of the full level."""
+    """Grey levels of the discs of the grey-steps coupon, as fractions of the full level."""
     grey_exposure_s: Size = 6.0
-    """Exposure of the grey steps; long enough to cure the darkest disc."""
+    """Exposure of the grey-steps coupon; it must be long enough to cure the darkest disc."""
     ledges_um: Sizes = (5.0, 10.0, 20.0)
-    """Step between layers of a ledge bar, first inwards, then outwards."""
+    """Ledges between the layers of each ledge bar, first inwards, then outwards."""
     ledge_layers: Annotated[int, Field(ge=4, le=400)] = 40
     """Number of layers of a ledge bar; an odd number is reduced by one."""
     film_mm: Size = 0.1

@@ -1,103 +1,105 @@
-"""Coupons made of separate parts: cure discs, single layer on film, compression cubes and cut-back guides."""
+"""Coupons of separate parts: cure discs, grey steps, ledges, a single layer on a film, cubes and cut-back guides."""
 
-from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, distinct
+from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, unique_names
 from solen.geometry.coupons.options import CouponOptions
 from solen.geometry.coupons.raised import snapped
 
 DISC_MM = 3.0
 FILM_BASE_MM = 0.5
 CUBE_BEVEL_MM = 0.5
-BAR_MM, BAR_DEEP_MM = 3.0, 4.0
-"""Width of the ledge bars at their faces, and their depth."""
-APART_MM = 5.0
-"""Free distance between parts that are removed from the plate separately."""
+BAR_MM, BAR_DEPTH_MM = 3.0, 4.0
+"""Width of the ledge bars at their top and bottom, and their depth."""
+SPACING_MM = 5.0
+"""Free distance between parts, which are removed from the plate one by one."""
 
 
 def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return discs of 3 mm, each cured by one exposure on a drop of resin, for the working curve."""
-    times = options.disc_exposures_s
-    pitch, layer = DISC_MM + APART_MM, 1e-3 * options.layer_um
-    names = distinct(f"t-{time:g}s" for time in times)
+    """Return discs of 3 mm, each cured by one exposure of a drop of resin, for the working curve."""
+    exposures = options.disc_exposures_s
+    pitch, layer = DISC_MM + SPACING_MM, 1e-3 * options.layer_um
+    names = unique_names(f"t-{exposure:g}s" for exposure in exposures)
+    x_mm = [(i - 0.5 * (len(exposures) - 1)) * pitch for i in range(len(exposures))]
     discs = [
-        Feature(name, "disc", (i - 0.5 * (len(times) - 1)) * pitch, 0.0, DISC_MM, DISC_MM, 0.0, layer, exposure_s=time)
-        for i, (name, time) in enumerate(zip(names, times, strict=True))
+        Feature(name, "disc", x, 0.0, DISC_MM, DISC_MM, 0.0, layer, exposure_s=exposure)
+        for name, x, exposure in zip(names, x_mm, exposures, strict=True)
     ]
     cautions = (
-        "a disc's thickness is its cure depth, not the height of the solid: project the circle, "
-        "without the build platform, onto a drop on the floor of the vat, for each exposure time "
-        "in turn",
-        "at low energies the discs are too thin and soft to be measured reliably: report this with the thickness",
+        "the thickness of a disc is its cure depth, not the height of the solid: without the build platform, project "
+        "the circle onto a drop on the floor of the vat, for each exposure in turn",
+        "at low doses the discs are too thin and soft to be measured reliably: report this with the thickness",
     )
     printed = "progressively increasing exposure time"
-    taken = f"{', '.join(f'{time:g}' for time in times)} s"
+    taken = f"{', '.join(f'{exposure:g}' for exposure in exposures)} s"
     readings = (Reading("exposures", printed, taken),)
     return Coupon("cure-discs", "discs for the working curve", tuple(discs), readings=readings, cautions=cautions)
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return discs of 3 mm in one image, each with a different grey level, to measure the light of grey pixels."""
-    greys, pitch, layer = options.greys, DISC_MM + APART_MM, 1e-3 * options.layer_um
-    names = distinct(f"g-{grey:g}" for grey in greys)
-    time = options.grey_exposure_s
+    greys, pitch, layer = options.greys, DISC_MM + SPACING_MM, 1e-3 * options.layer_um
+    names = unique_names(f"g-{grey:g}" for grey in greys)
+    exposure = options.grey_exposure_s
     discs = [
         Feature(
             name, "disc", (i - 0.5 * (len(greys) - 1)) * pitch, 0.0, DISC_MM, DISC_MM, 0.0, layer,
-            exposure_s=time, grey=grey,
+            exposure_s=exposure, grey=grey,
         )
         for i, (name, grey) in enumerate(zip(names, greys, strict=True))
     ]  # fmt: skip
     cautions = (
-        "a disc's thickness is its cure depth: project the image once, without the build platform, onto a "
+        "the thickness of a disc is its cure depth: without the build platform, project the image once onto a "
         "drop on the floor of the vat; the first disc has the full grey level",
-        "enter the thicknesses next to their grey levels in a table for solen print grey; measure Dp on the same day, "
-        "with the cure discs",
+        "enter the thicknesses next to their grey levels in a table for solen print grey; measure Dp with the "
+        "cure-discs coupon on the same day",
     )
     readings = (
         Reading(
-            "greys", "none", "added by solen: the light of the pixels at an edge determines the position of a wall"
+            "greys", "none", "added by solen: the light of the grey pixels at an edge determines the position of a wall"
         ),
     )
     return Coupon("grey-steps", "discs with several grey levels", tuple(discs), readings=readings, cautions=cautions)
 
 
 def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return bars with a waist: layers recede by a ledge up to mid-height and protrude again above, like a lens.
+    """Return bars with a waist: layers recede by a ledge up to mid-height and protrude by one above, like a lens.
 
-    The light of later layers sets resin beneath the ledges of the upper half. The first and last layers are identical:
-    images of both faces show the effect of the exposures, and a side view shows the waist.
+    The light of later layers cures resin beneath the ledges of the upper half. The first and the last layer are
+    designed identical: images of the bottom and the top show the effect of the exposures, and a side view shows the
+    waist.
     """
-    layer, half = 1e-3 * options.layer_um, options.ledge_layers // 2
-    pitch = BAR_MM + APART_MM
+    layer, half_count = 1e-3 * options.layer_um, options.ledge_layers // 2
+    pitch = BAR_MM + SPACING_MM
     bars = (0.0, *options.ledges_um)
     features = []
-    for number, ledge_um in enumerate(bars):
-        x_mm = snapped((number - 0.5 * (len(bars) - 1)) * pitch, options)
-        for at in range(2 * half) if ledge_um else (0,):
-            width = BAR_MM - 2e-3 * ledge_um * min(at, 2 * half - 1 - at)
-            low, high = (at, at + 1) if ledge_um else (0, 2 * half)
-            place = (x_mm, 0.0, width, BAR_DEEP_MM, low * layer, high * layer)
-            features.append(Feature(f"ledge-{ledge_um:g}um-layer-{at + 1}", "ledge", *place, round=False))
+    for bar, ledge_um in enumerate(bars):
+        x_mm = snapped((bar - 0.5 * (len(bars) - 1)) * pitch, options)
+        for index in range(2 * half_count) if ledge_um else (0,):
+            width = BAR_MM - 2e-3 * ledge_um * min(index, 2 * half_count - 1 - index)
+            low, high = (index, index + 1) if ledge_um else (0, 2 * half_count)
+            box = (x_mm, 0.0, width, BAR_DEPTH_MM, low * layer, high * layer)
+            features.append(Feature(f"ledge-{ledge_um:g}um-layer-{index + 1}", "ledge", *box, round=False))
     cautions = (
-        "take images of both faces and a side view along the bars: the upper half of the waist shows the "
-        "resin that later light sets below a ledge, the lower half the resin that is missing; the first bar is upright",
-        "print it flat, with the layer thickness that it was made for: --layer-um",
+        "take images of the top, the bottom, and the side view along the bars: the upper half of the waist shows the "
+        "resin that later light cures below a ledge, the lower half the resin that is missing; the first bar has no "
+        "ledges",
+        "print it flat, with the layer thickness for which it was made: --layer-um",
     )
-    taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm per layer, over {2 * half} layers"
+    taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm per layer, over {2 * half_count} layers"
     readings = (Reading("ledges", "none", f"added by solen, for layered lenses: {taken}"),)
     return Coupon("ledges", "bars with a waist made of ledges", tuple(features), readings=readings, cautions=cautions)
 
 
 def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return a layer on a film on a base of 0.5 mm, for measuring the index of a layer with a spectrophotometer."""
+    """Return a layer on a film on a base of 0.5 mm, to measure the index of a layer with a spectrophotometer."""
     side, layer = options.film_side_mm, 1e-3 * options.layer_um
     stages = (
         Stage("base", 0.0, "print the base and leave it on the build platform"),
         Stage(
             "layer",
             FILM_BASE_MM + options.film_mm,
-            f"cure a film of {options.film_mm:g} mm onto the base, then calibrate the printer's zero with it: at the "
+            f"cure a film of {options.film_mm:g} mm onto the base, then set the zero of the printer with it: at the "
             f"first layer, the platform must be {FILM_BASE_MM + options.film_mm:g} mm higher than without base and "
-            f"film, and {options.film_mm:g} mm higher than for continuing the base alone",
+            f"film, and {options.film_mm:g} mm higher than with the base alone",
         ),
     )
     pieces = (
@@ -107,21 +109,21 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
         ),
     )
     cautions = (
-        "the layer is as thick as the gap, which the calibration sets: measure it, do not assume it",
-        "the spectrum baseline is the bare film: run solen resin index with --baseline substrate",
+        "the layer is as thick as the gap, which depends on how the zero was set: measure it, do not assume it",
+        "the baseline of the spectrum is the bare film: run solen resin index with --baseline substrate",
     )
     readings = (
-        Reading("size", "not stated", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),
+        Reading("size", "not specified", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),
         Reading("z", "after calibrating the printer for the new thickness", stages[1].note),
     )
     return Coupon("film-layer", "single layer on film", pieces, stages=stages, readings=readings, cautions=cautions)
 
 
 def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return cubes of 1 cm for compression tests; one upright edge is bevelled to mark the printing direction."""
+    """Return cubes of 1 cm for compression tests; a bevelled vertical edge marks the printing direction."""
     side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
-    pitch = side + APART_MM
+    pitch = side + SPACING_MM
     pieces = tuple(
         Feature(
             f"cube-{number + 1}", "cube", (number - 0.5 * (count - 1)) * pitch, 0.0, side, side, 0.0, side, False, bevel
@@ -130,7 +132,7 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     area = side * side - 0.5 * bevel * bevel
     readings = (
-        Reading("number", "not stated", f"{count}"),
+        Reading("number", "not specified", f"{count}"),
         Reading(
             "mark",
             "none",
@@ -141,11 +143,11 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return straight guides for measuring the loss by cut-back, identified by their lengths instead of marks."""
+    """Return straight guides to measure the loss by cut-back, identified by their lengths instead of marks."""
     wide, high = options.guide_width_mm, options.guide_height_mm
-    pitch = wide + APART_MM
+    pitch = wide + SPACING_MM
     lengths = options.guide_lengths_mm
-    names = distinct(f"l-{length:g}" for length in lengths)
+    names = unique_names(f"l-{length:g}" for length in lengths)
     pieces = [
         Feature(name, "guide", 0.0, (0.5 * (len(lengths) - 1) - i) * pitch, length, wide, 0.0, high, round=False)
         for i, (name, length) in enumerate(zip(names, lengths, strict=True))
@@ -156,8 +158,8 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
         ),
     )
     cautions = (
-        "print the guides in the same direction as the sensor, and another set perpendicular to "
-        "it, because layers scatter differently",
-        "guides carry no mark, because a mark would scatter light; label them when removing them from the plate",
+        "print the guides in the same direction as the sensor, and another set perpendicular to it, because scattering "
+        "depends on the direction of the layers",
+        "the guides have no marks, because a mark would scatter light: label them when you remove them from the plate",
     )
     return Coupon("guides", "cut-back guides", tuple(pieces), readings=readings, cautions=cautions)

@@ -6,33 +6,33 @@ The walls between holes and at both ends have the same thickness. A bevelled cor
 from collections.abc import Sequence
 
 from solen.errors import SpecError
-from solen.geometry.coupons.model import Coupon, Feature, Reading, Slab, distinct
+from solen.geometry.coupons.model import Coupon, Feature, Reading, Slab, unique_names
 from solen.geometry.coupons.options import CouponOptions
 
 SLAB_MM = (16.0, 3.0, 1.0)
-HOLES = 8
-FROM_MM, TO_MM = 1.40, 1.65
-READINGS: dict[str, tuple[tuple[float, ...], str]] = {
+HOLE_COUNT = 8
+MIN_MM, MAX_MM = 1.40, 1.65
+INTERPRETATIONS: dict[str, tuple[tuple[float, ...], str]] = {
     "repeats": (
         (1.65, 1.65, 1.60, 1.55, 1.50, 1.45, 1.40, 1.40),
-        "steps of 0.05 mm over the range, as required by the resolved 50 µm; the largest and smallest holes are "
-        "repeated, which gives eight holes and shows how reproducible equal holes are",
+        "steps of 0.05 mm over the range, as required by the resolved 50 µm; the largest and the smallest hole are "
+        "repeated, which makes eight holes and shows how reproducible equal holes are",
     ),
     "even": (
-        tuple(round(TO_MM - number * (TO_MM - FROM_MM) / (HOLES - 1), 6) for number in range(HOLES)),
-        "eight uniform steps of 0.0357 mm over the range",
+        tuple(round(MAX_MM - number * (MAX_MM - MIN_MM) / (HOLE_COUNT - 1), 6) for number in range(HOLE_COUNT)),
+        "eight sizes in uniform steps of 0.0357 mm over the range",
     ),
     "tenths": (
-        tuple(round(FROM_MM + number * 0.1, 2) for number in reversed(range(HOLES))),
-        "steps of 0.1 mm from 1.40 mm: eight holes then reach 2.10 mm, beyond the range",
+        tuple(round(MIN_MM + number * 0.1, 2) for number in reversed(range(HOLE_COUNT))),
+        "steps of 0.1 mm from 1.40 mm: eight holes reach 2.10 mm, which is outside the range",
     ),
 }
 
 
 def holes(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float] | None = None) -> Coupon:
-    """Return through-holes of decreasing diameter, for finding the smallest resolved diameter difference."""
-    read, taken = READINGS[options.hole_reading]
-    sizes = tuple(diameters_mm) if diameters_mm is not None else read
+    """Return through-holes of decreasing diameter, to find the smallest diameter difference that is resolved."""
+    sizes_mm, taken = INTERPRETATIONS[options.hole_reading]
+    sizes = tuple(diameters_mm) if diameters_mm is not None else sizes_mm
     width, depth, thickness = SLAB_MM
     wall = (width - sum(sizes)) / (len(sizes) + 1)
     if wall <= 0.0:
@@ -45,8 +45,8 @@ def holes(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float
 
 
 def _row(sizes: Sequence[float], wall: float, thickness: float) -> tuple[Feature, ...]:
-    """Return holes along x with equal walls; repeated sizes are distinguished by a letter."""
-    names = distinct((f"hole-{size:g}" for size in sizes), lambda number: chr(ord("a") + number - 1))
+    """Return holes along x, separated by equal walls; repeated sizes are distinguished by a letter."""
+    names = unique_names((f"hole-{size:g}" for size in sizes), lambda number: chr(ord("a") + number - 1))
     holes, edge = [], -0.5 * SLAB_MM[0] + wall
     for name, size in zip(names, sizes, strict=True):
         holes.append(Feature(name, "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))

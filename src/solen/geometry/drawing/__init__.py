@@ -1,6 +1,6 @@
 """Outline drawings: DXF, SVG and JSON as named strokes in mm, x to the right and z up.
 
-Drawings are read as single strokes; `solen.geometry.join` chains them into closed outlines. The name of a face is the
+A drawing is read as separate strokes; `solen.geometry.join` chains them into closed outlines. The name of a face is the
 layer in a DXF file, the label, class or id of an SVG element, or the name in a JSON file.
 """
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 from solen.errors import DataError
 from solen.geometry.drawing.dxf import read_dxf
-from solen.geometry.drawing.model import Drawing, Lamp, Stroke
+from solen.geometry.drawing.model import Drawing, DrawnEmitter, Stroke
 from solen.geometry.drawing.outline_json import read_json
 from solen.geometry.drawing.svg import read_svg
 
-__all__ = ["Drawing", "Lamp", "Stroke", "read_drawing"]
+__all__ = ["Drawing", "DrawnEmitter", "Stroke", "read_drawing"]
 
 READERS = {".dxf": read_dxf, ".svg": read_svg, ".json": read_json}
 
@@ -40,5 +40,5 @@ def read_drawing(path: Path, units: str | None = None) -> Drawing:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, changed_ns: int, size: int, units: str | None) -> Drawing:  # noqa: ARG001  part of the cache key
+def _read(path: Path, modified_ns: int, size: int, units: str | None) -> Drawing:  # noqa: ARG001  part of the cache key
     return READERS[path.suffix.lower()](path, units)

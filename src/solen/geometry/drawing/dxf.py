@@ -1,8 +1,8 @@
-"""Drawings from CAD programs: DXF, with faces named by layers and the unit in the header.
+"""Drawings from CAD programs: DXF, in which layers name the faces and the header contains the unit.
 
 Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are supported. A non-rational spline of up to
 degree 3 is read exactly as its Bézier segments; an ellipse, a rational spline or a spline of higher degree becomes a
-spline within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are ignored, and so are layers that are switched off
+spline within `SHAPE_TOLERANCE_MM`. Text, dimensions and hatches are ignored, and so are layers that are switched off
 or frozen.
 """
 
@@ -23,12 +23,12 @@ from solen.geometry.drawing.model import (
     NO_UNITS_REMEDY,
     UNITS_MM,
     Drawing,
-    Lamp,
+    DrawnEmitter,
     Stroke,
+    emitter_name,
     face_name,
-    is_aside,
-    is_named,
-    lamp_name,
+    is_annotation,
+    is_called,
 )
 from solen.geometry.drawing.shapes import SHAPE_TOLERANCE_MM, beziers, ellipse
 from solen.plane import Point
@@ -51,19 +51,19 @@ INSUNITS_MM = {
     15: 1e4,
     16: 1e5,
 }
-"""Millimetres per unit of $INSUNITS in the header; 0 means unitless (Autodesk's DXF reference)."""
-NOTES = frozenset(
+"""Millimetres per unit, keyed by $INSUNITS of the header; 0 means unitless (Autodesk's DXF reference)."""
+ANNOTATIONS = frozenset(
     {"TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH", "ATTRIB", "ATTDEF"}
     | {"TOLERANCE", "VIEWPORT", "IMAGE", "WIPEOUT", "XLINE", "RAY", "ACAD_TABLE"}
 )
-UPRIGHT = 1e-9
-JUST_INSIDE = 1.0 - 1e-12
-MAX_BLOCKS = 16
+MAX_TILT = 1e-9
+BEFORE_END = 1.0 - 1e-12
+MAX_BLOCK_DEPTH = 16
 """Maximum nesting depth of blocks."""
 
 
 def read_dxf(path: Path, units: str | None) -> Drawing:
-    """Read the drawing from a text or binary DXF file; raises the errors of `read_drawing`."""
+    """Read a drawing from a text or binary DXF file; raise the errors of `read_drawing`."""
     need("ezdxf", what=str(path), doing="reading DXF", error=DataError)
     from ezdxf import recover
     from ezdxf.lldxf.const import DXFError
@@ -86,111 +86,106 @@ def _scale(path: Path, insunits: int, units: str | None) -> float:
 
 
 class _Reader:
-    """Reader that collects the visible content of the modelspace."""
+    """A reader that collects the visible content of the modelspace."""
 
     def __init__(self, document: Any, scale: float) -> None:
         self._document, self._scale = document, scale
         self._strokes: list[Stroke] = []
-        self._lamps: list[Lamp] = []
+        self._emitters: list[DrawnEmitter] = []
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self) -> Drawing:
         """Return all visible content."""
-        for entity, layer in self._shown(self._document.modelspace(), "0", 0):
+        for entity, layer in self._visible_entities(self._document.modelspace(), "0", 0):
             self._collect(entity, face_name(layer))
-        return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
+        return Drawing(tuple(self._strokes), tuple(self._emitters), tuple(self._points))
 
-    def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
-        """Yield entities on visible layers with the layer name; blocks and polylines are exploded."""
+    def _visible_entities(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
+        """Yield the entities on visible layers with their layer; blocks and polylines are exploded."""
         for entity in entities:
             layer = inherited if entity.dxf.layer == "0" else entity.dxf.layer
-            if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
+            if entity.dxftype() in ANNOTATIONS or not self._is_visible(layer) or is_annotation(face_name(layer)):
                 continue
             if entity.dxftype() in ("INSERT", "LWPOLYLINE", "POLYLINE"):
-                if depth > MAX_BLOCKS:
-                    raise DataError("drawing", value=layer, limit=f"blocks more than {MAX_BLOCKS} deep")
-                yield from self._shown(entity.virtual_entities(), layer, depth + 1)
+                if depth > MAX_BLOCK_DEPTH:
+                    raise DataError("drawing", value=layer, limit=f"blocks are nested more than {MAX_BLOCK_DEPTH} deep")
+                yield from self._visible_entities(entity.virtual_entities(), layer, depth + 1)
             else:
                 yield entity, layer
 
-    def _visible(self, name: str) -> bool:
+    def _is_visible(self, name: str) -> bool:
         layers = self._document.layers
         return name not in layers or not (layers.get(name).is_off() or layers.get(name).is_frozen())
 
     def _collect(self, entity: Any, name: str) -> None:
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "POINT":
-            point = self._at(dxf.location)
-            if is_named(name, EMITTER):
-                self._lamps.append(Lamp(point, name=lamp_name(name)))
+            point = self._point(dxf.location)
+            if is_called(name, EMITTER):
+                self._emitters.append(DrawnEmitter(point, name=emitter_name(name)))
             else:
                 self._points.append((name, point))
             return
-        if kind == "LINE" and is_named(name, EMITTER):
-            self._lamps.append(Lamp(self._at(dxf.start), self._at(dxf.end), name=lamp_name(name)))
+        if kind == "LINE" and is_called(name, EMITTER):
+            self._emitters.append(DrawnEmitter(self._point(dxf.start), self._point(dxf.end), name=emitter_name(name)))
             return
         curve = self._curve(entity)
         if curve is not None:
-            self._strokes.append(
-                Stroke(name, curve, f"{kind} {dxf.handle or ''} on layer {dxf.layer}".replace("  ", " "))
-            )
+            self._strokes.append(Stroke(name, curve, _label(entity)))
 
     def _curve(self, entity: Any) -> Curve | None:
         """Return the curve of an entity; None if its length is zero."""
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "LINE":
-            a, b = self._at(dxf.start), self._at(dxf.end)
+            a, b = self._point(dxf.start), self._point(dxf.end)
             return Segment(a, b) if a != b else None
         if kind in ("ARC", "CIRCLE"):
             return self._arc(entity)
         if kind == "ELLIPSE":
             tool = entity.construction_tool()
-            u, v = self._at(tool.major_axis), self._at(tool.minor_axis)
+            u, v = self._point(tool.major_axis), self._point(tool.minor_axis)
             sweep = (tool.end_param - tool.start_param) % math.tau or math.tau
-            return ellipse(self._at(tool.center), u, v, tool.start_param, sweep)
+            return ellipse(self._point(tool.center), u, v, tool.start_param, sweep)
         if kind == "SPLINE":
             return self._spline(entity.construction_tool())
-        limit = "is not understood"
-        where = f"{kind} {dxf.handle} on layer {dxf.layer}"
-        raise DataError(
-            "drawing", value=where, limit=limit, remedy="convert it to lines, arcs or splines, or hide its layer"
-        )
+        remedy = "convert it to lines, arcs or splines, or hide its layer"
+        raise DataError("drawing", value=_label(entity), limit="is not supported", remedy=remedy)
 
     def _arc(self, entity: Any) -> Arc:
-        """Return an arc, mirrored if its plane faces away from the viewer."""
-        dxf, across = entity.dxf, entity.dxf.extrusion
-        if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
+        """Return an arc or a circle, mirrored if its plane faces away from the viewer."""
+        dxf, normal = entity.dxf, entity.dxf.extrusion
+        if abs(normal.x) > MAX_TILT or abs(normal.y) > MAX_TILT:
             limit = "is not drawn in the x-y plane"
-            raise DataError("drawing", value=_what(entity), limit=limit, remedy="rotate it into this plane")
-        center = self._at(entity.ocs().to_wcs(dxf.center))
+            raise DataError("drawing", value=_label(entity), limit=limit, remedy="rotate it into this plane")
+        center = self._point(entity.ocs().to_wcs(dxf.center))
         start, sweep = 0.0, 360.0
         if entity.dxftype() == "ARC":
             start, sweep = dxf.start_angle, (dxf.end_angle - dxf.start_angle) % 360.0 or 360.0
-        if across.z < 0.0:
+        if normal.z < 0.0:
             start, sweep = 180.0 - start, -sweep
         return Arc(center, self._scale * dxf.radius, start, sweep)
 
     def _spline(self, tool: Any) -> Curve | None:
-        """Bézier segments of a non-rational, at most cubic spline; otherwise fit a spline between its knots."""
+        """Return the exact Bézier segments of a non-rational spline of up to degree 3; fit a spline to any other."""
         if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
-            return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
+            return beziers([[self._point(point) for point in piece] for piece in tool.bezier_decomposition()])
         knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
         return Spline.chained([self._span(tool, low, high) for low, high in pairwise(knots)])
 
     def _span(self, tool: Any, low: float, high: float) -> Spline:
-        """Spline between two neighbouring knots; at the later knot, the derivative is the limit from this side."""
+        """Return the spline fitted between two neighbouring knots, with the left-hand derivative at the later one."""
 
-        def derived(u: FloatArray, n: int) -> FloatArray:
-            at = low + np.clip(u, 0.0, JUST_INSIDE) * (high - low)
-            return np.array([self._at(row[n]) for row in tool.derivatives(at.tolist(), n)]) * (high - low) ** n
+        def derivative(u: FloatArray, n: int) -> FloatArray:
+            knots = low + np.clip(u, 0.0, BEFORE_END) * (high - low)
+            return np.array([self._point(row[n]) for row in tool.derivatives(knots.tolist(), n)]) * (high - low) ** n
 
-        return fitted(lambda u: derived(u, 0), lambda u: derived(u, 1), SHAPE_TOLERANCE_MM)
+        return fitted(lambda u: derivative(u, 0), lambda u: derivative(u, 1), SHAPE_TOLERANCE_MM)
 
-    def _at(self, vector: Any) -> Point:
+    def _point(self, vector: Any) -> Point:
         return (self._scale * float(vector.x), self._scale * float(vector.y))
 
 
-def _what(entity: Any) -> str:
-    """Return the name of an entity in error messages; parts of blocks and polylines have no handle."""
+def _label(entity: Any) -> str:
+    """Return the name of an entity for messages; parts of blocks and polylines have no handle."""
     handle = f" {entity.dxf.handle}" if entity.dxf.handle else ""
     return f"{entity.dxftype()}{handle} on layer {entity.dxf.layer}"

@@ -9,14 +9,14 @@ from solen.plane import Point
 PIVOT = "pivot"
 EMITTER = "emitter"
 WALL = "wall"
-"""Default name of a face."""
+"""Name of a face without a name of its own."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 NO_UNITS_REMEDY = 'specify it, for example body.units = "mm"'
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One curve and the name of its face; ``what`` identifies it in error messages."""
+    """A curve and the name of its face; ``what`` identifies the curve in error messages."""
 
     name: str
     curve: Curve
@@ -24,8 +24,8 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Lamp:
-    """An emitter as drawn, with its name: a point facing along ``axis_deg``, or a line from ``point`` to ``end``."""
+class DrawnEmitter:
+    """An emitter as drawn: a point that faces along ``axis_deg``, or a line from ``point`` to ``end``."""
 
     point: Point
     end: Point | None = None
@@ -39,26 +39,26 @@ class Drawing:
     """Strokes, emitters and named points."""
 
     strokes: tuple[Stroke, ...]
-    lamps: tuple[Lamp, ...] = ()
+    emitters: tuple[DrawnEmitter, ...] = ()
     points: tuple[tuple[str, Point], ...] = ()
 
 
 def face_name(text: str) -> str:
-    """Return the face name for a layer or element name: lower case, without surrounding spaces."""
+    """Return the face name for the name of a layer or element: in lower case, with hyphens instead of spaces."""
     name = re.sub(r"\s+", "-", text.strip().lower())
     return WALL if name in ("", "0") else name
 
 
-def is_aside(name: str) -> bool:
-    """Return whether strokes with this name are construction lines or notes and are ignored."""
+def is_annotation(name: str) -> bool:
+    """Return whether strokes with this name are construction lines or notes, which are ignored."""
     return name.startswith(("_", "construction", "note", "dimension", "defpoints"))
 
 
-def is_named(name: str, what: str) -> bool:
-    """Whether a name belongs to an object or to one of several: ``emitter``, ``emitter-2``, ``emitter-index-tip``."""
-    return re.fullmatch(rf"{what}([-_ .]?[\w-]+)?", name) is not None
+def is_called(name: str, part: str) -> bool:
+    """Return whether a part has the name, alone or among several: ``emitter``, ``emitter-2``, ``emitter-index-tip``."""
+    return re.fullmatch(rf"{part}([-_ .]?[\w-]+)?", name) is not None
 
 
-def lamp_name(name: str) -> str:
-    """Return the emitter name for a layer or element name: ``tip`` for ``emitter-tip``."""
+def emitter_name(name: str) -> str:
+    """Return the emitter name for the name of a layer or element: ``tip`` for ``emitter-tip``."""
     return name.removeprefix(EMITTER).lstrip("-_ .")

@@ -2,7 +2,7 @@
 
 Curves are encoded as in scene JSON. ``emitters`` are objects with a ``point`` and optionally ``axis_deg`` and
 ``width_mm``, or with the ends of a line, ``point`` and ``end``; if there are several emitters, each has a ``name``.
-``points`` names points: ``{"pivot": [0, 2]}``.
+``points`` are keyed by name: ``{"pivot": [0, 2]}``.
 """
 
 from pathlib import Path
@@ -10,31 +10,33 @@ from typing import Any
 
 from solen.errors import DataError
 from solen.files import read_text
-from solen.geometry.drawing.model import Drawing, Lamp, Stroke, face_name
+from solen.geometry.drawing.model import Drawing, DrawnEmitter, Stroke, face_name
 from solen.plane import Point
 from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
 
-SCHEMA = 1
+VERSION = 1
 
 
 def read_json(path: Path, units: str | None) -> Drawing:
-    """Read a drawing from a JSON file, whose lengths are always in mm; raises the errors of `read_drawing`."""
+    """Read a drawing from a JSON file, whose lengths are always in mm; raise the errors of `read_drawing`."""
     where = str(path)
     if units not in (None, "mm"):
-        raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="omit it")
+        raise DataError(
+            "body.units", value=units, limit="does not apply: an outline in JSON is in mm", remedy="omit it"
+        )
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
         raise DataError(where, limit="not a solen outline: the key solen_outline is missing")
     check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
-    if data["solen_outline"] != SCHEMA:
+    if data["solen_outline"] != VERSION:
         raise DataError(
-            f"{where}: solen_outline", value=data["solen_outline"], limit=f"this version of solen reads {SCHEMA}"
+            f"{where}: solen_outline", value=data["solen_outline"], limit=f"must be {VERSION} for this version of solen"
         )
-    faces, lamps = (_objects(data, key, where) for key in ("faces", "emitters"))
+    faces, emitters = (_objects(data, key, where) for key in ("faces", "emitters"))
     points = value_of(dict[str, Point], data.get("points", {}), f"{where}: points")
     return Drawing(
         tuple(_stroke(face, f"{where}: faces[{i}]", i) for i, face in enumerate(faces)),
-        tuple(made(Lamp, lamp, f"{where}: emitters[{i}]") for i, lamp in enumerate(lamps)),
+        tuple(made(DrawnEmitter, emitter, f"{where}: emitters[{i}]") for i, emitter in enumerate(emitters)),
         tuple(points.items()),
     )
 

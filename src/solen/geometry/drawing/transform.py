@@ -23,22 +23,22 @@ class Affine:
 
     @classmethod
     def of(cls, text: str, where: str) -> "Affine":
-        """Return the map of a transform attribute; raises `DataError` if the text is not a transform."""
-        affine, place = cls(), 0
-        while place < len(text.rstrip()):
-            call = CALL.match(text, place)
+        """Return the map of a transform attribute; raise `DataError` if the string is not a transform."""
+        affine, index = cls(), 0
+        while index < len(text.rstrip()):
+            call = CALL.match(text, index)
             if call is None:
                 raise DataError(f"{where}: transform", value=text, limit="is not supported")
             try:
                 numbers = [float(number) for number in re.split(r"[\s,]+", call[2].strip())]
-                affine = affine.after(_one(call[1], numbers))
+                affine = affine.after(_function_map(call[1], numbers))
             except ValueError:
                 raise DataError(f"{where}: transform", value=text, limit="is not supported") from None
-            place = call.end()
+            index = call.end()
         return affine
 
     def after(self, first: "Affine") -> "Affine":
-        """Return the composition: ``first`` is applied, then this map."""
+        """Return the map that applies ``first`` and then this map."""
         return Affine(
             *self.vector((first.a, first.b)), *self.vector((first.c, first.d)), *self.point((first.e, first.f))
         )
@@ -53,7 +53,7 @@ class Affine:
         return (self.a * v[0] + self.c * v[1], self.b * v[0] + self.d * v[1])
 
 
-def _one(name: str, numbers: list[float]) -> Affine:
+def _function_map(name: str, numbers: list[float]) -> Affine:
     """Return the map of one function in a transform attribute."""
     if name == "rotate":
         angle, *about = numbers

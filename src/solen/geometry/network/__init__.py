@@ -1,4 +1,4 @@
-"""A network of guides: nodes, guides between them, and the parts on guide ends and sides."""
+"""A network of guides: nodes, guides between them, and parts on the ends and sides of guides."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 from solen.errors import DesignError
 from solen.geometry.body import Body
 from solen.geometry.network.drawn import DrawnLens, drawn_lenses, drawn_network
-from solen.geometry.network.outline import Walk, check_places, outlines
+from solen.geometry.network.outline import Walk, check_part_nodes, outlines
 from solen.geometry.network.plan import Plan, at_rest, plan_of
 from solen.geometry.walls import behind_gap, with_walls
 from solen.lens import Lens
@@ -20,12 +20,12 @@ __all__ = ["DrawnLens", "Plan", "at_rest", "drawn_lenses", "network_body", "netw
 def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Lens] | None = None) -> Body:
     """Return the checked body of a network with its motions at their angles and its active emitter.
 
-    ``lenses`` by name, if specified, replace those computed for the design.
+    ``lenses``, keyed by name, replace those computed for the design.
 
     Raises
     ------
     DesignError
-        If parts do not fit or intersect, a motion would tear them, or a single angle is specified.
+        If parts do not fit or intersect, a motion would tear the body, or an angle other than 0 is specified.
     """
     if angle_deg != 0.0:
         limit = "a network has several named motions instead of a single angle"
@@ -35,18 +35,17 @@ def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Le
         return drawn_network(design).check()
     plan = plan_of(design)
     walk = Walk.of(plan if lenses is None else replace(plan, lenses=dict(lenses)))
-    check_places(walk)
-    bare = [behind_gap(outline, design.receivers.gap_mm) for outline in outlines(walk)]
-    first, *others = with_walls([faces for faces, _ in bare], design.wall)
-    apart = tuple(face for _, faces in bare for face in faces)
+    check_part_nodes(walk)
+    split = [behind_gap(outline, design.receivers.gap_mm) for outline in outlines(walk)]
+    first, *others = with_walls([faces for faces, _ in split], design.wall)
+    separate = tuple(face for _, faces in split for face in faces)
     tables = [(emitter, emitter_table(design, emitter)) for emitter in design.network.emitters]
-    poses = {one.name: walk.emitter(one, own.distance_mm, own.offset_mm) for one, own in tables}
-    lamps = tuple((one.name, replace(poses[one.name], width_mm=own.width_mm)) for one, own in tables)
-    emitter = poses[design.network.lit or ""]
-    marks: dict[str, Point] = dict(walk.plan.places)
-    return Body(first, emitter, marks, tuple(others), apart, lamps=lamps).check()
+    poses = {emitter.name: walk.emitter(emitter, table.distance_mm, table.offset_mm) for emitter, table in tables}
+    emitters = tuple((emitter.name, replace(poses[emitter.name], width_mm=table.width_mm)) for emitter, table in tables)
+    marks: dict[str, Point] = dict(walk.plan.positions)
+    return Body(first, poses[design.network.lit or ""], marks, tuple(others), separate, emitters=emitters).check()
 
 
 def network_lenses(design: Design) -> dict[str, Lens]:
-    """Return the lenses of a network, by name, that are computed for its design; empty if the network is drawn."""
+    """Return the lenses computed for the design of a network, keyed by name; empty if the network is drawn."""
     return {} if design.outline_file is not None else at_rest(design).lenses

@@ -1,7 +1,7 @@
-"""Positions of the guides and parts of a network, unmoved and with its motions at their angles.
+"""Positions of the guides and parts of a network, at rest and with its motions at their angles.
 
-A node without a specified position is at the end of the guide that leads there. Motions propagate outwards from the
-fixed node: everything beyond a guide that bends or rotates is carried along.
+A node without a specified position is at the end of the guide that leads to it. Motions propagate outwards from the
+fixed node: everything beyond a guide that bends or rotates moves with its end.
 """
 
 import math
@@ -13,7 +13,7 @@ from numpy.polynomial import polynomial
 
 from solen.curve import Curve
 from solen.errors import DesignError
-from solen.geometry.body import place_text
+from solen.geometry.body import point_text
 from solen.geometry.network.spine import Offset, Spine
 from solen.lens import Lens, lens_of
 from solen.material import optical
@@ -22,40 +22,36 @@ from solen.spec import Design
 from solen.spec.network import Guide, NamedMotion, Network, PlacedLens
 from solen.spec.placed import lens_table, lit
 
-MEETS_MM = 1e-9
-"""Maximum distance of the end of a guide from its second node."""
+MAX_MISMATCH_MM = 1e-9
+"""Maximum distance between the end of a guide and its node."""
 
 
 @dataclass(frozen=True)
 class GuidePath:
-    """A guide with its centre line.
-
-    ``right`` and ``left`` are the distances of its walls to the right of that line.
-    """
+    """A guide with its centre line, and the offsets of its walls to the right of that line, keyed by side."""
 
     guide: Guide
     spine: Spine
-    right: Offset
-    left: Offset
+    offsets: dict[str, Offset]
 
     @cached_property
     def walls(self) -> dict[str, Curve]:
-        """Return both walls from the first node of the guide to the second, by side."""
+        """Both walls from the first node of the guide to the second, keyed by side."""
         what = f"guide {self.guide.name}"
-        return {side: self.spine.wall(getattr(self, side), what) for side in ("right", "left")}
+        return {side: self.spine.wall(offset, what) for side, offset in self.offsets.items()}
 
     def middle(self, node: str) -> Point:
-        """Return the midpoint of the guide section at one of its nodes."""
-        (a, b), (c, d) = (self.section(node, side) for side in ("right", "left"))
+        """Return the midpoint between the walls at a node of the guide."""
+        (a, b), (c, d) = (self.corner(node, side) for side in self.walls)
         return (0.5 * (a + c), 0.5 * (b + d))
 
-    def section(self, node: str, side: str) -> Point:
-        """Return the corners of the guide section at one of its nodes."""
+    def corner(self, node: str, side: str) -> Point:
+        """Return the end of the wall on one side at a node of the guide."""
         wall = self.walls[side]
         return wall.start if node == self.guide.nodes[0] else wall.end
 
     def inwards(self, node: str) -> Point:
-        """Return the unit direction of the guide as it leaves a node."""
+        """Return the unit direction from a node into the guide."""
         if node == self.guide.nodes[0]:
             return self.spine.direction
         x, z = self.spine.end_direction
@@ -68,18 +64,18 @@ class GuidePath:
 
 @dataclass(frozen=True)
 class Plan:
-    """Guides by name after motion, node positions, and lenses by name.
+    """Guides, node positions and lenses, all keyed by name, after the motions.
 
-    ``carried`` are the motions of the nodes from the unmoved state; empty if no node has moved.
+    ``node_motions`` are the motions of the nodes from rest; empty if no node has moved.
     """
 
     network: Network
     paths: dict[str, GuidePath]
-    places: dict[str, Point]
+    positions: dict[str, Point]
     lenses: dict[str, Lens]
-    carried: dict[str, Rigid] = field(default_factory=dict)
+    node_motions: dict[str, Rigid] = field(default_factory=dict)
     distance_mm: float = 0.0
-    """distance from its lens of an emitter for which none is specified"""
+    """Distance from its lens of an emitter for which none is specified."""
 
     def at(self, node: str) -> list[GuidePath]:
         """Return the guides at a node."""
@@ -100,56 +96,51 @@ def plan_of(design: Design) -> Plan:
 
 
 def at_rest(design: Design) -> Plan:
-    """Return the plan of a design's network without motion."""
+    """Return the plan of a design's network at rest."""
     resting = tuple(motion.model_copy(update={"at_deg": 0.0}) for motion in design.network.motion)
     network = design.network.model_copy(update={"motion": resting, "lit": None})
     shared = design.shared_emitter
     rest = design.model_copy(update={"network": network, "emitter": shared})
-    stated = (frozenset(rest.lens.model_fields_set), frozenset(shared.model_fields_set))
+    specified = (frozenset(rest.lens.model_fields_set), frozenset(shared.model_fields_set))
     indices = tuple(optical(lit(rest, emitter.name)).index for emitter in network.emitters)
-    return _planned(_Key(rest, (network, rest.lens, shared, rest.material, *stated, indices, str(rest.folder))))
+    return _planned(_CacheKey(rest, (network, rest.lens, shared, rest.material, *specified, indices, str(rest.folder))))
 
 
 @dataclass(frozen=True)
-class _Key:
-    """Cache key of a design, equal for all designs with the same network, lenses and material."""
+class _CacheKey:
+    """A design as a cache key, equal for all designs with the same network, lenses and material."""
 
-    design: Design
-    of: tuple[object, ...]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.of == other.of
-
-    def __hash__(self) -> int:
-        return hash(self.of)
+    design: Design = field(compare=False)
+    identity: tuple[object, ...]
 
 
 @lru_cache(maxsize=64)
-def _planned(key: _Key) -> Plan:
+def _planned(key: _CacheKey) -> Plan:
     design = key.design
     network = design.network
     _check_connected(network)
     lenses = {placed.name: _lens(design, number, placed) for number, placed in enumerate(network.lenses)}
-    places: dict[str, Point] = {node.name: node.at_mm for node in network.nodes if node.at_mm is not None}
+    positions: dict[str, Point] = {node.name: node.at_mm for node in network.nodes if node.at_mm is not None}
     first = network.nodes[0].name
-    if first not in places:
-        places[first] = _origin(network, lenses, first)
+    if first not in positions:
+        positions[first] = _origin(network, lenses, first)
     paths: dict[str, GuidePath] = {}
-    waiting = list(network.guides)
-    while waiting:
-        ready = next((guide for guide in waiting if (path := _placed(guide, network, places, paths)) is not None), None)
-        if ready is None:
-            number = network.guides.index(waiting[0])
+    remaining = list(network.guides)
+    while remaining:
+        placed = next(
+            ((guide, path) for guide in remaining if (path := _path_of(guide, network, positions, paths))), None
+        )
+        if placed is None:
+            number = network.guides.index(remaining[0])
             limit = "has no position: neither of its nodes has one, or its direction is missing"
             remedy = "specify direction_deg and length_mm, or at_mm of its nodes"
-            raise DesignError(f"network.guides[{number}]", value=waiting[0].name, limit=limit, remedy=remedy)
-        waiting.remove(ready)
-        path = _placed(ready, network, places, paths)
-        assert path is not None  # noqa: S101  the path is complete
-        paths[ready.name] = path
-        _settle(path, places, network.guides.index(ready))
+            raise DesignError(f"network.guides[{number}]", value=remaining[0].name, limit=limit, remedy=remedy)
+        guide, path = placed
+        remaining.remove(guide)
+        paths[guide.name] = path
+        _set_positions(path, positions, network.guides.index(guide))
     order = {guide.name: paths[guide.name] for guide in network.guides}
-    return Plan(network, order, places, lenses)
+    return Plan(network, order, positions, lenses)
 
 
 def _check_connected(network: Network) -> None:
@@ -159,7 +150,7 @@ def _check_connected(network: Network) -> None:
         reached |= {node for guide in network.guides if reached & set(guide.nodes) for node in guide.nodes}
     for number, node in enumerate(network.nodes):
         if node.name not in reached or len(reached) == 1:
-            where = "" if node.at_mm is None else f", at {place_text(node.at_mm)}"
+            where = "" if node.at_mm is None else f", at {point_text(node.at_mm)}"
             limit = f"is not connected: no guide leads there from {network.nodes[0].name}{where}"
             raise DesignError(f"network.nodes[{number}]", value=node.name, limit=limit, remedy="add a guide")
 
@@ -167,24 +158,24 @@ def _check_connected(network: Network) -> None:
 def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
     """Return a lens of a network, computed for its emitter, or for ``[emitter]`` if it has none."""
     network = design.network
-    before = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
-    own = design if before is None else lit(design, before)
+    emitter_name = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
+    lit_design = design if emitter_name is None else lit(design, emitter_name)
     table = lens_table(design, placed, _half_width_mm(network, number, placed))
-    made = own.model_copy(update={"lens": table}).in_folder(design.folder)
+    made = lit_design.model_copy(update={"lens": table}).in_folder(design.folder)
     try:
-        return lens_of(made, optical(own).index)
+        return lens_of(made, optical(lit_design).index)
     except DesignError as bad:
         what = f"network.lenses[{number}]: {bad.what}"
         raise DesignError(what, value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
 
 
 def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float | None:
-    """Return half the width of the guide that ends in a lens; None for a lens on a side."""
+    """Return half the width of the guide that ends in a lens; None for a lens on a side, or if it is not yet known."""
     if placed.node is None:
         return None
     guides = [guide for guide in network.guides if placed.node in guide.nodes]
     if len(guides) != 1:
-        limit = f"a lens must be at the end of one guide, but {len(guides)} meet there"
+        limit = f"a lens must be at the end of a single guide, but {len(guides)} meet there"
         raise DesignError(f"network.lenses[{number}].node", value=placed.node, limit=limit)
     (guide,) = guides
     if guide.nodes[0] == placed.node or len(guide.widths) == 1:
@@ -195,68 +186,71 @@ def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float |
 
 
 def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
-    """Return the position of the first node: the origin, or the position that puts its lens vertex at the origin."""
+    """Return the position of the first node: the origin, or that for which the vertex of its lens is the origin."""
     lens = next((lenses[placed.name] for placed in network.lenses if placed.node == node), None)
     guide = next(guide for guide in network.guides if node in guide.nodes)
     if lens is None or guide.direction_deg is None or guide.nodes[0] != node:
         return (0.0, 0.0)
-    start = Spine.towards((0.0, 0.0), guide.direction_deg, 1.0, 0.0)
+    start = Spine.from_heading((0.0, 0.0), guide.direction_deg, 1.0, 0.0)
     return along((0.0, 0.0), start.direction, lens.depth_mm)
 
 
-def _placed(guide: Guide, network: Network, places: dict[str, Point], paths: dict[str, GuidePath]) -> GuidePath | None:
-    """Return a guide with its line; None while the line is unknown."""
-    start, end = (places.get(node) for node in guide.nodes)
+def _path_of(
+    guide: Guide, network: Network, positions: dict[str, Point], paths: dict[str, GuidePath]
+) -> GuidePath | None:
+    """Return a guide with its centre line; None while that line is unknown."""
+    start, end = (positions.get(node) for node in guide.nodes)
     half = tuple(0.5 * width for width in guide.widths)
-    both = (half, tuple(-width for width in half))
+    offsets = {"right": half, "left": tuple(-width for width in half)}
     if guide.flush is not None:
-        return _flush(guide, network, paths)
+        return _flush_path(guide, network, paths)
     if guide.direction_deg is not None and guide.length_mm is not None:
         if start is None and end is None:
             return None
-        spine = Spine.towards(start or (0.0, 0.0), guide.direction_deg, guide.length_mm, guide.turn_deg)
+        spine = Spine.from_heading(start or (0.0, 0.0), guide.direction_deg, guide.length_mm, guide.turn_deg)
         if start is None and end is not None:
             spine = replace(spine, start=minus(end, spine.end))
-        return GuidePath(guide, spine, *both)
+        return GuidePath(guide, spine, offsets)
     if start is None or end is None:
         return None
-    if math.dist(start, end) <= MEETS_MM:
+    if math.dist(start, end) <= MAX_MISMATCH_MM:
         number = network.guides.index(guide)
-        limit = f"has no length: both its nodes are at {place_text(start)}"
+        limit = f"has no length: both its nodes are at {point_text(start)}"
         raise DesignError(f"network.guides[{number}]", value=guide.name, limit=limit)
-    return GuidePath(guide, Spine.between(start, end, guide.turn_deg, guide.through_mm), *both)
+    return GuidePath(guide, Spine.between(start, end, guide.turn_deg, guide.through_mm), offsets)
 
 
-def _flush(guide: Guide, network: Network, paths: dict[str, GuidePath]) -> GuidePath | None:
-    """Return a guide whose side continues the side of the guide leading to its first node."""
-    leading = [one for one in network.guides if one.nodes[1] == guide.nodes[0]]
+def _flush_path(guide: Guide, network: Network, paths: dict[str, GuidePath]) -> GuidePath | None:
+    """Return a guide whose side continues that of the guide that leads to its first node; None if that is unknown."""
+    leading = [other for other in network.guides if other.nodes[1] == guide.nodes[0]]
     if len(leading) != 1:
         number = network.guides.index(guide)
         limit = f"requires exactly one guide that leads to {guide.nodes[0]}, but there are {len(leading)}"
         raise DesignError(f"network.guides[{number}].flush", value=guide.flush, limit=limit)
     if leading[0].name not in paths or guide.length_mm is None or guide.flush is None:
         return None
-    host, side = paths[leading[0].name], 1.0 if guide.flush == "right" else -1.0
+    host = paths[leading[0].name]
     heading_deg = guide.direction_deg
     if heading_deg is None:
-        slope = float(polynomial.polyval(host.spine.length_mm, polynomial.polyder(getattr(host, guide.flush))))
+        slope = float(polynomial.polyval(host.spine.length_mm, polynomial.polyder(host.offsets[guide.flush])))
         x, z = host.spine.end_direction
         heading_deg = math.degrees(math.atan2(-x, z)) - math.degrees(math.atan(slope))
-    spine = Spine.towards(host.walls[guide.flush].end, heading_deg, guide.length_mm, guide.turn_deg)
-    far = tuple(-side * width for width in guide.widths)
-    return GuidePath(guide, spine, (0.0,), far) if guide.flush == "right" else GuidePath(guide, spine, far, (0.0,))
+    spine = Spine.from_heading(host.walls[guide.flush].end, heading_deg, guide.length_mm, guide.turn_deg)
+    if guide.flush == "right":
+        return GuidePath(guide, spine, {"right": (0.0,), "left": tuple(-width for width in guide.widths)})
+    return GuidePath(guide, spine, {"right": guide.widths, "left": (0.0,)})
 
 
-def _settle(path: GuidePath, places: dict[str, Point], number: int) -> None:
-    """Assign positions to the nodes of a guide; raises `DesignError` if they contradict known positions."""
+def _set_positions(path: GuidePath, positions: dict[str, Point], number: int) -> None:
+    """Assign positions to the nodes of a guide; raise `DesignError` if they contradict known positions."""
     if path.guide.flush is not None:
-        found = {path.guide.nodes[1]: path.middle(path.guide.nodes[1])}
+        ends = {path.guide.nodes[1]: path.middle(path.guide.nodes[1])}
     else:
-        found = dict(zip(path.guide.nodes, (path.spine.start, path.spine.end), strict=True))
-    for node, place in found.items():
-        off_mm = math.dist(places.setdefault(node, place), place)
-        if off_mm > MEETS_MM:
-            limit = f"ends {off_mm:.3g} mm from {node}, which is at {place_text(places[node])}"
+        ends = dict(zip(path.guide.nodes, (path.spine.start, path.spine.end), strict=True))
+    for node, position in ends.items():
+        mismatch_mm = math.dist(positions.setdefault(node, position), position)
+        if mismatch_mm > MAX_MISMATCH_MM:
+            limit = f"ends {mismatch_mm:.3g} mm from {node}, which is at {point_text(positions[node])}"
             remedy = "omit direction_deg and length_mm, or at_mm of the node"
             raise DesignError(f"network.guides[{number}]", value=path.guide.name, limit=limit, remedy=remedy)
 
@@ -267,67 +261,69 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
     if not moving:
         return rest
     fixed = rest.network.fixed or rest.network.nodes[0].name
-    carried: dict[str, Rigid] = {fixed: Rigid()}
+    node_motions: dict[str, Rigid] = {fixed: Rigid()}
     paths: dict[str, GuidePath] = {}
     for path, node in _outwards(rest, fixed):
-        moved, beyond = _driven(path, node, moving.get(path.guide.name))
-        paths[path.guide.name] = moved.moved(carried[node])
+        moved, end_motion = _with_motion(path, node, moving.get(path.guide.name))
+        paths[path.guide.name] = moved.moved(node_motions[node])
         (other,) = set(path.guide.nodes) - {node}
-        motion = composed(beyond, carried[node])
-        known = carried.setdefault(other, motion)
-        off_mm = math.dist(known.point(rest.places[other]), motion.point(rest.places[other]))
-        if off_mm > MEETS_MM or abs(known.angle_deg - motion.angle_deg) > MEETS_MM:
-            name = ", ".join(one.name for one in moving.values())
+        motion = composed(end_motion, node_motions[node])
+        node_motion = node_motions.setdefault(other, motion)
+        mismatch_mm = math.dist(node_motion.point(rest.positions[other]), motion.point(rest.positions[other]))
+        if mismatch_mm > MAX_MISMATCH_MM or abs(node_motion.angle_deg - motion.angle_deg) > MAX_MISMATCH_MM:
+            name = ", ".join(motion.name for motion in moving.values())
             limit = (
-                f"would tear {path.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
+                f"would tear {path.guide.name} from {other}, at {point_text(rest.positions[other])}, by "
+                f"{mismatch_mm:.3g} mm: a guide that bends or rotates must not be part of a loop"
             )
-            remedy = "a guide that bends or rotates must not be part of a loop"
-            raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
+            raise DesignError(
+                "network.motion", value=name, limit=limit, remedy="move a guide that is not part of a loop"
+            )
     order = {name: paths[name] for name in rest.paths}
-    places = {node: carried[node].point(place) for node, place in rest.places.items()}
-    return replace(rest, paths=order, places=places, carried=carried)
+    positions = {node: node_motions[node].point(position) for node, position in rest.positions.items()}
+    return replace(rest, paths=order, positions=positions, node_motions=node_motions)
 
 
 def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[GuidePath, str]]:
-    """Return guides with their nearer nodes, ordered outwards from the fixed node."""
-    reached, left = [fixed], list(plan.paths.values())
+    """Yield guides with their nearer nodes, outwards from the fixed node."""
+    reached, remaining = [fixed], list(plan.paths.values())
     for node in reached:
-        for path in [path for path in left if node in path.guide.nodes]:
-            left.remove(path)
+        for path in [path for path in remaining if node in path.guide.nodes]:
+            remaining.remove(path)
             yield path, node
             reached += [other for other in path.guide.nodes if other not in reached]
 
 
-def _driven(path: GuidePath, node: str, motion: NamedMotion | None) -> tuple[GuidePath, Rigid]:
+def _with_motion(path: GuidePath, node: str, motion: NamedMotion | None) -> tuple[GuidePath, Rigid]:
     """Return a guide bent or rotated about its nearer node, and the motion of its other end."""
     if motion is None:
         return path, Rigid()
     from_end = node == path.guide.nodes[1]
     if motion.kind == "rotation":
-        near = path.spine.end if from_end else path.spine.start
-        turn = Rigid.about(near if not isinstance(motion.pivot, tuple) else motion.pivot, motion.at_deg)
-        _check_tear(path, near, turn, motion)
+        near_end = path.spine.end if from_end else path.spine.start
+        turn = Rigid.about(near_end if not isinstance(motion.pivot, tuple) else motion.pivot, motion.at_deg)
+        _check_tear(path, near_end, turn, motion)
         return path.moved(turn), turn
-    spine, beyond = path.spine.bent(motion.at_deg, from_end=from_end)
-    return replace(path, spine=spine), beyond
+    spine, end_motion = path.spine.bent(motion.at_deg, from_end=from_end)
+    return replace(path, spine=spine), end_motion
 
 
-def _check_tear(path: GuidePath, near: Point, turn: Rigid, motion: NamedMotion) -> None:
-    """Raise `DesignError` if a rotation moves a guide away from its node by more than half its width there."""
-    off_mm = math.dist(turn.point(near), near)
+def _check_tear(path: GuidePath, near_end: Point, rotation: Rigid, motion: NamedMotion) -> None:
+    """Raise `DesignError` if a rotation moves a guide away from its node by more than half its width at either end."""
+    displacement_mm = math.dist(rotation.point(near_end), near_end)
     half_mm = 0.5 * min(path.guide.widths[0], float(polynomial.polyval(path.spine.length_mm, path.guide.widths)))
-    if off_mm > half_mm:
+    if displacement_mm > half_mm:
         limit = (
-            f"would tear {path.guide.name} from {place_text(near)} by {off_mm:.3g} mm; the limit "
-            f"there is {half_mm:.3g} mm"
+            f"would tear {path.guide.name} from {point_text(near_end)} by {displacement_mm:.3g} mm; the limit is "
+            f"{half_mm:.3g} mm, half the width of the guide"
         )
-        remedy = "reduce the rotation angle, or use a nearer pivot"
+        remedy = "reduce the rotation angle, or use a closer pivot"
         raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
 
-def composed(first: Rigid, then: Rigid) -> Rigid:
-    """Return the motion ``first`` followed by another."""
-    if then == Rigid():
+def composed(first: Rigid, second: Rigid) -> Rigid:
+    """Return the motion ``first`` followed by ``second``."""
+    if second == Rigid():
         return first
-    cos, sin = then.vector((first.cos, first.sin))
-    return Rigid(cos, sin, then.point(first.shift))
+    cos, sin = second.vector((first.cos, first.sin))
+    return Rigid(cos, sin, second.point(first.shift))

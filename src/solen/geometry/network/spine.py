@@ -1,8 +1,8 @@
-"""Centre line of a guide: straight, an arc or a spline; and curves at a distance from it.
+"""Centre line of a guide (straight, an arc or a spline), and its walls, which are offset curves of that line.
 
-Next to a straight line, a wall whose distance is a polynomial of the length up to the third degree is exact: it is a
-segment, a parabola or a Bézier curve. At a constant distance from an arc it is an arc. Any other wall is a spline
-within `WALL_TOLERANCE_MM`.
+The offset of a wall is a polynomial in the length along the line. Along a straight line, a wall whose polynomial is of
+degree 3 or less is exact: a segment, a parabola or a Bézier curve. At a constant offset from an arc it is an arc. Any
+other wall is a spline within `WALL_TOLERANCE_MM`.
 """
 
 import math
@@ -24,15 +24,15 @@ from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, 
 SAMPLES, PANELS = 257, 8
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 Offset = tuple[float, ...]
-"""Coefficients of the distance to the right of the line, in mm, as a polynomial of the length along it."""
+"""Coefficients of the offset to the right of the line, in mm, as a polynomial in the length along it."""
 
 
 @dataclass(frozen=True)
 class Spine:
-    """Line from ``start`` along a unit direction, curving uniformly by ``turn_deg`` over its length, or ``free`` line.
+    """A centre line: from ``start`` along a unit direction, turning uniformly by ``turn_deg``, or a ``free`` spline.
 
-    A free line may be bent: each direction is then rotated by the fraction of ``bend_deg`` that equals the fraction of
-    the length up to there. ``heading_deg`` is the initial direction if it was specified as an angle.
+    A free line may be bent: its direction is then rotated by an angle that increases in proportion to the length, up to
+    ``bend_deg`` at the end. ``heading_deg`` is the initial direction if it was specified as an angle.
     """
 
     start: Point
@@ -44,7 +44,7 @@ class Spine:
     bend_deg: float = 0.0
 
     @classmethod
-    def towards(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
+    def from_heading(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
         """Return a line with a heading and a length."""
         return cls(start, heading(heading_deg), length_mm, turn_deg, heading_deg=heading_deg)
 
@@ -61,13 +61,13 @@ class Spine:
 
     @cached_property
     def end(self) -> Point:
-        """The last point of the line."""
+        """Last point of the line."""
         if self.free is not None:
             x, z = self.free.end if self.bend_deg == 0.0 else self._panel_points[-1]
             return (float(x), float(z))
         if self.turn_deg == 0.0:
             return along(self.start, self.direction, self.length_mm)
-        x, z = self._places(np.array([self.length_mm]))[0]
+        x, z = self._points(np.array([self.length_mm]))[0]
         return (float(x), float(z))
 
     @cached_property
@@ -88,34 +88,34 @@ class Spine:
         return replace(self, start=start, direction=direction, free=free, heading_deg=None)
 
     def bent(self, angle_deg: float, *, from_end: bool) -> "tuple[Spine, Rigid]":
-        """Return the line with its far end rotated by an angle at constant added curvature, and the motion of that end.
+        """Return the line with its end rotated by an angle, at a constant added curvature, and the motion of that end.
 
-        The other end is fixed.
+        The start is fixed; if ``from_end`` is set, the end is fixed and the start moves.
         """
         if not from_end:
-            bent = self._turning(angle_deg)
-            return bent, carrying(self.end, bent.end, angle_deg)
-        bent = self._turning(-angle_deg)
-        back = carrying(bent.end, self.end, angle_deg)
+            bent = self._with_turn(angle_deg)
+            return bent, motion_between(self.end, bent.end, angle_deg)
+        bent = self._with_turn(-angle_deg)
+        back = motion_between(bent.end, self.end, angle_deg)
         bent = bent.moved(back)
-        return bent, carrying(self.start, bent.start, angle_deg)
+        return bent, motion_between(self.start, bent.start, angle_deg)
 
-    def _turning(self, angle_deg: float) -> "Spine":
-        """Line rotated by an additional angle, uniformly along its length; start and length are unchanged."""
+    def _with_turn(self, angle_deg: float) -> "Spine":
+        """Return the line of the same start and length that turns by an additional angle, uniformly along it."""
         if self.free is None:
             return replace(self, turn_deg=self.turn_deg + angle_deg)
         return replace(self, bend_deg=self.bend_deg + angle_deg)
 
     def wall(self, offset: Offset, what: str) -> Curve:
-        """Curve at a distance to the right of the line; `DesignError`, about ``what``, if it would fold over."""
+        """Return the wall at an offset from the line; raise `DesignError` about ``what`` if it would fold over."""
         offset = offset[: max((i + 1 for i, value in enumerate(offset) if value), default=1)]
         if self.free is not None:
-            return self._beside_free(self.free, offset, what)
+            return self._wall_along_free(self.free, offset, what)
         if self.turn_deg == 0.0:
-            return self._beside_straight(offset)
-        return self._beside_arc(offset, what)
+            return self._wall_along_straight(offset)
+        return self._wall_along_arc(offset, what)
 
-    def _beside_straight(self, offset: Offset) -> Curve:
+    def _wall_along_straight(self, offset: Offset) -> Curve:
         first, right, end = self.start, right_of(self.direction), along(self.start, self.direction, self.length_mm)
         if len(offset) <= 2:
             last = float(polynomial.polyval(self.length_mm, offset)) if len(offset) == 2 else offset[0]
@@ -128,32 +128,32 @@ class Spine:
         if len(offset) == 4:
             third = self.length_mm / 3.0
             a, b, c, d = (value * self.length_mm**i for i, value in enumerate(offset))
-            beside = (a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d)
-            return Bezier(*(along(along(first, self.direction, i * third), right, x) for i, x in enumerate(beside)))
-        return fitted(*self._beside(offset), WALL_TOLERANCE_MM)
+            offsets = (a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d)
+            return Bezier(*(along(along(first, self.direction, i * third), right, x) for i, x in enumerate(offsets)))
+        return fitted(*self._wall_functions(offset), WALL_TOLERANCE_MM)
 
-    def _beside_arc(self, offset: Offset, what: str) -> Curve:
+    def _wall_along_arc(self, offset: Offset, what: str) -> Curve:
         per_mm = math.radians(self.turn_deg) / self.length_mm
         self._check_fold(polynomial.polyval(np.linspace(0.0, self.length_mm, SAMPLES), offset), per_mm, what)
         if len(offset) > 1 or abs(1.0 / per_mm) > MAX_RADIUS_MM:
-            return fitted(*self._beside(offset), WALL_TOLERANCE_MM)
+            return fitted(*self._wall_functions(offset), WALL_TOLERANCE_MM)
         radius = 1.0 / per_mm  # positive towards the left
         center = along(self.start, left_of(self.direction), radius)
         x, z = right_of(self.direction) if radius > 0.0 else left_of(self.direction)
         return Arc(center, abs(radius + offset[0]), math.degrees(math.atan2(z, x)), self.turn_deg)
 
-    def _beside_free(self, free: Spline, offset: Offset, what: str) -> Curve:
+    def _wall_along_free(self, free: Spline, offset: Offset, what: str) -> Curve:
         if offset == (0.0,) and self.bend_deg == 0.0:
             return free
         measure, slope = self._measure, polynomial.polyder(offset)
-        bend_per_mm, many = math.radians(self.bend_deg) / measure.length_mm, len(free.controls)
+        bend_per_mm, cubic_count = math.radians(self.bend_deg) / measure.length_mm, len(free.controls)
 
         def carry(piece: Curve, start: float, end: float) -> tuple[Function, Function, tuple[float, float]]:
             if not isinstance(piece, Spline):
-                raise AssertionError("a wall of a free line is made of splines")
+                raise AssertionError("a free line consists of splines")
             controls = np.array(piece.controls[0])
 
-            first = round(start * many) * PANELS
+            first = round(start * cubic_count) * PANELS
 
             def frame(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
                 velocity, s = piece.velocities(u), measure.lengths_at(start + (end - start) * u)
@@ -169,35 +169,35 @@ class Spine:
                     self._panel_points[first + panel] + self._displacements(low, start + (end - start) * u)
                 )
 
-            def place(u: FloatArray) -> FloatArray:
-                s, _, ahead = frame(u)
-                return np.asarray(centre(u) + polynomial.polyval(s, offset)[:, None] * _right(ahead))
+            def point(u: FloatArray) -> FloatArray:
+                s, _, direction = frame(u)
+                return np.asarray(centre(u) + polynomial.polyval(s, offset)[:, None] * _right_of_each(direction))
 
             def velocity(u: FloatArray) -> FloatArray:
-                s, speed, ahead = frame(u)
+                s, speed, direction = frame(u)
                 bends = np.diff(controls, 2, axis=0)
                 second = 6.0 * ((1.0 - u)[:, None] * bends[0] + u[:, None] * bends[1])
-                along_it = _turned(ahead, -bend_per_mm * s)
-                per_mm = (along_it[:, 0] * second[:, 1] - along_it[:, 1] * second[:, 0]) / speed**2 + bend_per_mm
-                beside = polynomial.polyval(s, offset)
-                self._check_fold(beside, per_mm, what)
-                rise = (polynomial.polyval(s, slope) * speed)[:, None] * _right(ahead)
-                return np.asarray((speed * (1.0 + per_mm * beside))[:, None] * ahead + rise)
+                undeformed = _turned(direction, -bend_per_mm * s)
+                per_mm = (undeformed[:, 0] * second[:, 1] - undeformed[:, 1] * second[:, 0]) / speed**2 + bend_per_mm
+                offset_mm = polynomial.polyval(s, offset)
+                self._check_fold(offset_mm, per_mm, what)
+                rise = (polynomial.polyval(s, slope) * speed)[:, None] * _right_of_each(direction)
+                return np.asarray((speed * (1.0 + per_mm * offset_mm))[:, None] * direction + rise)
 
-            return place, velocity, (0.0, 1.0)
+            return point, velocity, (0.0, 1.0)
 
         return carried(free, carry, WALL_TOLERANCE_MM)
 
     @cached_property
     def _panel_points(self) -> FloatArray:
-        """Return points (N, 2) of a bent free line at the ends of panels, several for each of its cubics."""
+        """Points (N, 2) of a bent free line at the ends of its panels, of which each cubic has `PANELS`."""
         assert self.free is not None  # noqa: S101  only called for a free line
         ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
-        ways = np.cumsum(self._displacements(ends[:-1], ends[1:]), axis=0)
-        return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), ways]))
+        displacements = np.cumsum(self._displacements(ends[:-1], ends[1:]), axis=0)
+        return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), displacements]))
 
     def _displacements(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Displacements (N, 2) along a bent free line between parameters within one panel, by Gaussian quadrature."""
+        """Return displacements (N, 2) along a bent free line between parameters within a panel, by quadrature."""
         assert self.free is not None  # noqa: S101  only called for a free line
         half = 0.5 * (high - low)
         at = (low + half)[:, None] + half[:, None] * NODES
@@ -211,35 +211,39 @@ class Spine:
         assert self.free is not None  # noqa: S101  only called for a free line
         return Measure(self.free)
 
-    def _beside(self, offset: Offset) -> tuple[Function, Function]:
-        """Return points and velocities of a wall next to a straight line or an arc, by fraction of its length."""
+    def _wall_functions(self, offset: Offset) -> tuple[Function, Function]:
+        """Return the points and velocities of a wall of a straight line or an arc, as functions of the fraction."""
         slope, per_mm = polynomial.polyder(offset), math.radians(self.turn_deg) / self.length_mm
 
-        def place(u: FloatArray) -> FloatArray:
+        def point(u: FloatArray) -> FloatArray:
             s = u * self.length_mm
-            return np.asarray(self._places(s) + polynomial.polyval(s, offset)[:, None] * _right(self._directions(s)))
+            return np.asarray(
+                self._points(s) + polynomial.polyval(s, offset)[:, None] * _right_of_each(self._directions(s))
+            )
 
         def velocity(u: FloatArray) -> FloatArray:
             s = u * self.length_mm
-            ahead, beside = self._directions(s), polynomial.polyval(s, offset)
-            along_it = (1.0 + per_mm * beside)[:, None] * ahead
-            return np.asarray(self.length_mm * (along_it + polynomial.polyval(s, slope)[:, None] * _right(ahead)))
+            direction, offset_mm = self._directions(s), polynomial.polyval(s, offset)
+            axial = (1.0 + per_mm * offset_mm)[:, None] * direction
+            return np.asarray(
+                self.length_mm * (axial + polynomial.polyval(s, slope)[:, None] * _right_of_each(direction))
+            )
 
-        return place, velocity
+        return point, velocity
 
-    def _directions(self, s: FloatArray, share: float = 1.0) -> FloatArray:
-        """Return unit directions (N, 2) at lengths, each rotated in proportion to the length up to there."""
-        angle = share * math.radians(self.turn_deg) / self.length_mm * s
+    def _directions(self, s: FloatArray, fraction: float = 1.0) -> FloatArray:
+        """Return unit directions (N, 2) at lengths, or rotated by a fraction of the turn up to there."""
+        angle = fraction * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
         return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])
 
-    def _places(self, s: FloatArray) -> FloatArray:
+    def _points(self, s: FloatArray) -> FloatArray:
         half = 0.5 * math.radians(self.turn_deg) / self.length_mm * s
         return np.asarray(np.asarray(self.start) + (s * np.sinc(half / math.pi))[:, None] * self._directions(s, 0.5))
 
-    def _check_fold(self, beside: ArrayLike, per_mm: ArrayLike, what: str) -> None:
-        if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
-            limit = "folds over: the radius of its centre line is smaller than the distance of the wall"
+    def _check_fold(self, offset_mm: ArrayLike, per_mm: ArrayLike, what: str) -> None:
+        if float(np.min(1.0 + np.multiply(per_mm, offset_mm))) <= 0.0:
+            limit = "folds over: the radius of its centre line is smaller than the distance to the wall"
             raise DesignError(
                 what, limit=limit, remedy="bend it by a smaller angle or over a greater length, or make it narrower"
             )
@@ -251,8 +255,8 @@ def _turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     return np.column_stack([x * cos - z * sin, x * sin + z * cos])
 
 
-def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
-    """Return the motion that rotates by an angle and moves a point to another."""
+def motion_between(before: Point, after: Point, angle_deg: float) -> Rigid:
+    """Return the motion that rotates by an angle and moves one point to another."""
     if angle_deg == 0.0 and before == after:
         return Rigid()
     angle = math.radians(angle_deg)
@@ -260,5 +264,5 @@ def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
     return replace(turn, shift=minus(after, turn.point(before)))
 
 
-def _right(ahead: FloatArray) -> FloatArray:
-    return np.column_stack([ahead[:, 1], -ahead[:, 0]])
+def _right_of_each(direction: FloatArray) -> FloatArray:
+    return np.column_stack([direction[:, 1], -direction[:, 0]])

@@ -101,6 +101,6 @@ def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name
         files.write_all(_drawing(tuned, sensor, path))
         design = open_design(path)
         part = printable_design(
-            design, fabricate.sensor_part(design, Sensor.of(design).body().upright()), path, slicing
+            design, fabricate.sensor_part(design, Sensor.of(design).body().prism()), path, slicing
         )
     return layer_files(part, slicing, out, name, FigureOptions(), None)

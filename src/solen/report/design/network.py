@@ -102,13 +102,13 @@ def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> Non
         for end in (motion.from_deg, motion.to_deg):
             moved = body_of(state_of(study.design, {motion.name: end}), None)
             axes.plot(*moved.outline(1e-2).T, color=LOST, lw=0.7, ls=":", zorder=0)
-    for face in (*body.all_faces, *body.apart):
+    for face in (*body.all_faces, *body.separate):
         if face.name.startswith("lens-"):
             axes.plot(*face.curve.flattened().T, color=INK, lw=2.4, zorder=3)
         elif face.part == "receiver":
-            axes.plot(*face.curve.flattened().T, color=colours[face.whose], lw=3.5, zorder=3)
+            axes.plot(*face.curve.flattened().T, color=colours[face.label], lw=3.5, zorder=3)
             place = max((face.curve.start, face.curve.end), key=lambda point: abs(point[0] - middle))
-            _name_beside(axes, place, (math.copysign(1.0, place[0] - middle), 0.0), face.whose, colours[face.whose])
+            _name_beside(axes, place, (math.copysign(1.0, place[0] - middle), 0.0), face.label, colours[face.label])
     for sensor in sensors:
         pose = sensor.body().emitter
         axes.plot(*pose.point, "o", color=INK, ms=3.5, zorder=4)

@@ -97,7 +97,7 @@ def network_check(design: Design) -> NetworkCheck:
         receivers=receivers_of(sensors),
         motions=tuple(motion.name for motion in network.motion),
         readings={reading.name: reading.value for reading in network.reading},
-        faces=tuple(face.name for face in (*body.all_faces, *body.apart)),
+        faces=tuple(face.name for face in (*body.all_faces, *body.separate)),
         area_mm2=body.area_mm2(),
         warnings=warnings_of(sensors),
     )
