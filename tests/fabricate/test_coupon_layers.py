@@ -56,7 +56,7 @@ def test_the_single_layer_has_no_burn_in(folder: Path, capfd: pytest.CaptureFixt
     found, rows = layered(folder, capfd, "film-layer.json", "--run", "layer")
     assert [(row["exposure_s"], row["dose_mJ_per_cm2"]) for row in rows] == [(2.0, 26.0)]
     assert found["settings"]["z_offset_um"] == 600.0  # type: ignore[index]
-    assert any("calibrate the printer's zero" in text for text in found["warnings"])  # type: ignore[attr-defined]
+    assert any("set the zero of the printer" in text for text in found["warnings"])  # type: ignore[attr-defined]
     _, base = layered(folder, capfd, "film-layer.json", "--run", "base")
     assert [row["exposure_s"] for row in base] == [3.0] * 6 + [2.0] * 14
 

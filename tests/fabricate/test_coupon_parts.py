@@ -225,7 +225,7 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["--out", "p", "--only", "group-x"], "--only = 'group-x'; must be some of group-a"),
+        (["--out", "p", "--only", "group-x"], "--only = 'group-x'; must be one or more of group-a"),
         (["--out", "p", "--only", ""], "--only = ''"),
         ([], "--out; is missing"),
         (["--out", "p", "--layer-um", "0"], "--layer-um = '0'"),
@@ -236,7 +236,7 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
         (["--out", "p", "--marks=3"], "3"),
         (["--out", "p", "--cubes", "1.5"], "1.5"),
         (["--out", "p", "--cubes", "1000"], "must be at most 100"),
-        (["--out", "p", "--bevel-mm", "50"], "must be less than the slab"),
+        (["--out", "p", "--bevel-mm", "50"], "must be smaller than the sides of the slab"),
         (["--out", "p", "--hole-reading", "fifths"], "fifths"),
         (["--out", "p", "--plate-mm", "24", "50"], "does not fit on a plate of 24 x 50 mm"),
         (["--out", "p", "--plate-mm", "0", "50"], "--plate-mm"),

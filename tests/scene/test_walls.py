@@ -142,9 +142,9 @@ def test_light_returns_from_clear_pad() -> None:
 @pytest.mark.parametrize(
     ("walls", "message"),
     [
-        ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; names no wall; the walls are lens, stem-right"),
-        ([{"face": "joint-*"}], r"wall\[0\]\.face = 'joint-\*'; names no wall"),
-        ([{"face": "receiver-right"}], r"wall\[0\]\.face = 'receiver-right'; names no wall"),
+        ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; matches no wall; the walls are lens, stem-right"),
+        ([{"face": "joint-*"}], r"wall\[0\]\.face = 'joint-\*'; matches no wall"),
+        ([{"face": "receiver-right"}], r"wall\[0\]\.face = 'receiver-right'; matches no wall"),
         ([{"face": "stem-right", "from_mm": 17.0}], r"wall\[0\]\.from_mm = 17\.0; must be below 16\.2"),
         ([{"face": "stem-right", **SKIN}, {"face": "stem-left", **SKIN, "index": 1.5}], r"wall\[1\]\.outside = 'skin'"),
         (

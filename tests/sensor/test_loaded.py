@@ -244,7 +244,7 @@ def test_numbers_of_holds_and_fingers_have_derivatives() -> None:
         (turned(ENDS).set({"mechanics.plane": "stress", "mechanics.poisson": 0.45}), r"mechanics\.poisson = 0\.45"),
         (pressed(LENS + FORK, values="[9]"), r"finger.* = 9"),
         (pressed(LENS + FORK).set({"press[0].at_mm": 99.0}), r"finger\.at_mm = 99\.0; must be from 0"),
-        (turned(ENDS).set({"motion.emitter_on": "lamp"}), r"motion\.emitter_on = 'lamp'; names no face"),
+        (turned(ENDS).set({"motion.emitter_on": "lamp"}), r"motion\.emitter_on = 'lamp'; matches no face"),
         (turned(ENDS).set({"mechanics.modulus_MPa": None}), r"mechanics\.modulus_MPa; missing: .*add modulus_MPa"),
         (
             turned(ENDS).set({"mechanics.modulus_MPa": None, "material.index": None, "material.resin": "pmma"}),

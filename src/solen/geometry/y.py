@@ -10,7 +10,7 @@ simple, and changes continuously with the angle:
 
 - ``bridge``: if an edge of the lens has moved below the base of the stem, a straight bridge joins it to the corner of
   the stem; if it has moved into the stem, the side of the stem begins at the height of the edge, and a short step joins
-  the two. After a rotation of 3° about the centre of the base, the step is 2.7 µm wide.
+  the two. After a rotation of 3° about the centre of the base, the step is 2.8 µm wide.
 - ``seam``: a straight seam joins each edge to its corner, even if the edge has moved into the stem.
 - ``smooth``: the side of the stem bends. A cubic Bézier curve leaves the edge along the lens axis and joins the side
   tangentially, half a lens width above the edge; without rotation it is the side itself.
