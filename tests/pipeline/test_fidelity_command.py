@@ -1,4 +1,4 @@
-"""`solen print fidelity` from a file to its numbers, its result file and its figure, and what it refuses."""
+"""`solen print fidelity`: the result, the result file and the figure of an image or height map, and refused input."""
 
 import json
 from collections.abc import Callable
@@ -17,17 +17,17 @@ from tests.command_support import answered
 from tests.metrology.coupon_support import Camera, Print
 
 Run = Callable[..., Any]
-UM = 14.0
+UM_PER_PX = 14.0
 
 
 def png(path: Path, grey: Any) -> None:
-    about = PngImagePlugin.PngInfo()
-    about.add_text("Description", "simulated micrograph")
-    Pillow.fromarray(np.rint(255 * grey).astype(np.uint8)).save(path, pnginfo=about)
+    metadata = PngImagePlugin.PngInfo()
+    metadata.add_text("Description", "simulated micrograph")
+    Pillow.fromarray(np.rint(255 * grey).astype(np.uint8)).save(path, pnginfo=metadata)
 
 
 @pytest.fixture
-def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def printed_result(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> dict[str, Any]:
@@ -36,24 +36,26 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     return run
 
 
-def test_an_image_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> None:
+def test_measures_image_of_group_a(printed_result: Run, capfd: pytest.CaptureFixture[str]) -> None:
     coupon = layout("group-a")
-    part = Print(coupon, size_mm=lambda one: one.diameter_mm + 0.02, missing=frozenset({"d-0.06", "d-0.08"}))
-    png(Path("a.png"), Camera(UM, 3.0, blur_px=1.2).image(part))
+    part = Print(coupon, size_mm=lambda feature: feature.diameter_mm + 0.02, missing=frozenset({"d-0.06", "d-0.08"}))
+    png(Path("a.png"), Camera(UM_PER_PX, 3.0, blur_px=1.2).image(part))
     options = ("print", "fidelity", "a.png", "--coupon", "group-a", "--um-per-px", "14")
-    found = told(*options, "--figure", "a.svg", "--out", "a.json")
-    assert found["minimum"]["positive_diameter"]["nominal_mm"] == 0.1
-    assert found["minimum"]["positive_diameter"]["next_mm"] == 0.08
-    assert found["simulated"] is True
-    assert [source["file"] for source in found["sources"]] == ["a.png"]
+    result = printed_result(*options, "--figure", "a.svg", "--out", "a.json")
+    assert result["minimum"]["positive_diameter"]["nominal_mm"] == 0.1
+    assert result["minimum"]["positive_diameter"]["next_mm"] == 0.08
+    assert result["simulated"] is True
+    assert [source["file"] for source in result["sources"]] == ["a.png"]
     written = json.loads(Path("a.json").read_text(encoding="utf-8"))
     assert written["kind"] == "fidelity"
     assert written["coupon"] == "group-a"
-    for one in written["features"]:
-        assert one["kind"] == "pillar"
-        assert one["resolved"] is (one["measured_mm"] is not None)
-        if one["resolved"]:
-            assert one["measured_mm"] == pytest.approx(one["nominal_mm"] + 0.02, abs=5 * one["u_measured_mm"])
+    for feature in written["features"]:
+        assert feature["kind"] == "pillar"
+        assert feature["resolved"] is (feature["measured_mm"] is not None)
+        if feature["resolved"]:
+            assert feature["measured_mm"] == pytest.approx(
+                feature["nominal_mm"] + 0.02, abs=5 * feature["u_measured_mm"]
+            )
     assert "simulated: a.png" in Path("a.svg").read_text(encoding="utf-8")
     assert run_command([*options]) == 0
     lines = capfd.readouterr().out
@@ -62,27 +64,32 @@ def test_an_image_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> No
     assert "0.08 mm is not" in lines
 
 
-def test_a_job_tells_the_layout(told: Run) -> None:
-    """A coupon of other measures is found by its job, and not without."""
-    told("print", "coupons", "--out", "print", "--only", "group-b", "--spacing-mm", "1.6", "--gap-reading", "row")
+def test_job_defines_layout(printed_result: Run) -> None:
+    """A coupon with other dimensions is recognised with its job, and not without it."""
+    printed_result(
+        "print", "coupons", "--out", "print", "--only", "group-b", "--spacing-mm", "1.6", "--gap-reading", "row"
+    )
     coupon = layout("group-b", CouponOptions(spacing_mm=1.6, gap_reading="row"))
     png(Path("b.png"), Camera(8.0, blur_px=1.2).image(Print(coupon)))
-    found = told("print", "fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
-    assert found["coupon"] == "group-b"
-    assert {one["diameter_mm"] for one in found["features"] if one["kind"] == "gap"} == {0.3}
-    assert {one["name"] for one in found["features"] if one["kind"] == "gap" and one["resolved"]} >= {"g-0.5", "g-0.1"}
+    result = printed_result("print", "fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
+    assert result["coupon"] == "group-b"
+    assert {feature["diameter_mm"] for feature in result["features"] if feature["kind"] == "gap"} == {0.3}
+    assert {feature["name"] for feature in result["features"] if feature["kind"] == "gap" and feature["resolved"]} >= {
+        "g-0.5",
+        "g-0.1",
+    }
     assert run_command(["print", "fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
 
 
-def test_a_height_map_of_the_reference(told: Run) -> None:
+def test_measures_height_map_of_z_reference(printed_result: Run) -> None:
     z = Camera(20.0, 5.0).height_map(Print(layout("z-reference")))
     tifffile.imwrite("z.tif", (1e3 * z).astype(np.float32))
-    found = told(
+    result = printed_result(
         "print", "fidelity", "z.tif", "--coupon", "z-reference", "--um-per-px", "20", "--z-um", "1", "--figure", "z.png"
     )
-    assert found["image"] == "height map"
-    assert found["minimum"]["z_step"]["nominal_mm"] == pytest.approx(0.025)
-    assert [one["measured_mm"] for one in found["heights"]] == pytest.approx([1.0, 1.025, 0.025], abs=1e-3)
+    assert result["image"] == "height map"
+    assert result["minimum"]["z_step"]["nominal_mm"] == pytest.approx(0.025)
+    assert [feature["measured_mm"] for feature in result["heights"]] == pytest.approx([1.0, 1.025, 0.025], abs=1e-3)
     assert Path("z.png").stat().st_size > 10_000
 
 
@@ -106,17 +113,17 @@ def test_a_height_map_of_the_reference(told: Run) -> None:
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "spacing"),
     ],
 )
-def test_bad_input_ends_in_one_line(
+def test_refuses_bad_input_in_one_line(
     arguments: list[str], part: str, capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     png(Path("a.png"), 0.5 + 0.05 * np.random.default_rng(1).standard_normal((200, 300)))
     Path("job.json").write_text("{}", encoding="utf-8")
     Path("z.csv").write_text("1,2\n3,4\n", encoding="utf-8")
-    before = sorted(path.name for path in tmp_path.iterdir())
+    files_before = sorted(path.name for path in tmp_path.iterdir())
     assert run_command(["print", "fidelity", *arguments]) == 2
     printed = capfd.readouterr()
     assert part in printed.err
     assert printed.err.count("\n") == 1
     assert printed.out == ""
-    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == files_before

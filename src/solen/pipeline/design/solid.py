@@ -45,7 +45,7 @@ def export(
     out
         Folder for the files; created if missing.
     step
-        Exact solid with B-splines, for CAD programs (needs the extra cad).
+        Exact solid with B-splines, for CAD programs (requires the extra cad).
     stl
         Mesh for printers, binary.
     threemf
@@ -53,7 +53,7 @@ def export(
     glb
         Mesh for viewers.
     dxf
-        Drawing of the outline, with a layer for each face (needs the extra dxf).
+        Drawing of the outline, with a layer for each face (requires the extra dxf).
     comsol
         Points as text, for COMSOL's interpolation curves (sectionwise).
     svg

@@ -17,7 +17,7 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.toml import parse_assignment
 
-Choose = Annotated[
+CouponParameters = Annotated[
     list[str] | None,
     Parameter(name="--set", negative=(), help="Set a parameter of the coupon, as in --set spacing_mm=2; repeatable."),
 ]
@@ -30,7 +30,7 @@ def fidelity(
     coupon: str | None = None,
     job: Path | None = None,
     options: Annotated[HeightMapOptions, FLAT] = HeightMapOptions(),
-    set_: Choose = None,
+    set_: CouponParameters = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Annotated[
         Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
@@ -43,9 +43,9 @@ def fidelity(
     file
         An image (TIFF, PNG, …), or with --z-um a height map (16-bit or floating-point TIFF, or a text table).
     coupon
-        The coupon shown: group-a, group-b, group-c, holes or z-reference; default: that of the job.
+        The coupon in the image: group-a, group-b, group-c, holes or z-reference. Default: that of the job.
     job
-        The job file that solen print coupons wrote beside the coupon, with the coupon's parameters.
+        The job file that solen print coupons wrote with the coupon; it contains the parameters.
 
     Raises
     ------
@@ -53,22 +53,22 @@ def fidelity(
         If the files cannot be read, or the coupon is not recognised in the image.
     """
     check_outputs(out, figure)
-    printed = _layout(coupon, job, set_ or ())
-    measured = measure_coupon(read_image_or_height_map(file, options), printed)
+    nominal = _coupon_of(coupon, job, set_ or ())
+    measured = measure_coupon(read_image_or_height_map(file, options), nominal)
     return write(measured, "fidelity", out, figure=figure)
 
 
-def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:
-    """Return the coupon that the job or the options define."""
+def _coupon_of(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:
+    """Return the coupon that the job, or the options, define."""
     if job is None:
         if name is None:
-            raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or give its --job")
+            raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or specify its --job")
         return layout(name, CouponOptions(**dict(map(parse_assignment, assignments))))
     if assignments:
-        raise SpecError("--set", limit="has no effect with --job, which defines the layout", remedy="leave one out")
+        raise SpecError("--set", limit="cannot be combined with --job, which defines the coupon", remedy="omit one")
     coupon, _ = read_job(job)
     if name is not None and name != coupon.name:
         raise SpecError(
-            "--coupon", value=name, limit=f"does not match the job, which is for {coupon.name}", remedy="leave it out"
+            "--coupon", value=name, limit=f"does not match the job, which is for {coupon.name}", remedy="omit it"
         )
     return coupon

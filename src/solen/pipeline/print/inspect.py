@@ -34,20 +34,20 @@ def inspect(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
 ) -> Outcome[LensInspection | FacesInspection]:
-    """Measure a printed lens in an image: outline, deviations from the design, and the nearest of several designs.
+    """Measure a printed lens in an image: outline, deviations from the design, and the closest of several designs.
 
     With images of both faces, the first and the last layer are measured.
 
     Parameters
     ----------
     image
-        A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
+        A micrograph of the lens, viewed along y: TIFF, OME-TIFF, PNG, JPEG (requires the extra vision).
     design
         The design file of the part.
     bottom
-        A micrograph of the face on the build plate, at the same scale; IMAGE then shows the other face.
+        A micrograph of the face on the build plate, at the same scale; IMAGE is then that of the other face.
     against
-        Another design file to compare with; repeatable. Default: the paper's three indices, for the paper's lens.
+        Another design file to compare with; repeatable. Default, for the lens of the paper: its three indices.
 
     Raises
     ------
@@ -59,10 +59,10 @@ def inspect(
     part = open_design(design, set_)
     _check_faces(part, options, bottom, out)
     micrograph = read_image(image, options=options)
-    others = [_named_apart(open_design(path), part, path) for path in against or ()]
+    others = [_with_unique_name(open_design(path), part, path) for path in against or ()]
     if bottom is not None:
-        other = read_image(bottom, options=options)
-        faces = measure_faces(micrograph, other, part, edge=options.edge, against=others, priors=options)
+        bottom_micrograph = read_image(bottom, options=options)
+        faces = measure_faces(micrograph, bottom_micrograph, part, edge=options.edge, against=others, priors=options)
         files.write_all(drawn(faces, figure, "inspect"))
         return Outcome(faces, named(figure=figure.figure))
     inspection = measure_lens(
@@ -76,15 +76,15 @@ def inspect(
 
 
 def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out: Path | None) -> None:
-    """Raise `SpecError` for one-image options with two images, or for one profile if the lens varies with height."""
-    for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
-        if bottom is not None and stated is not None:
-            raise SpecError(option, limit="applies to a single image", remedy="leave it out, or --bottom")
+    """Raise `SpecError` for options that require a single image, or a lens that does not vary with height."""
+    for option, value in (("--out", out), ("--seen-from", options.seen_from)):
+        if bottom is not None and value is not None:
+            raise SpecError(option, limit="applies to a single image", remedy="omit it, or --bottom")
     if out is not None and part.lens.in_space:
-        limit = "describes one profile for all heights, but this lens varies with height"
-        raise SpecError("--out", limit=limit, remedy="leave it out")
+        limit = "contains one profile for all heights, but this lens varies with height"
+        raise SpecError("--out", limit=limit, remedy="omit it")
 
 
-def _named_apart(other: Design, part: Design, path: Path) -> Design:
-    """Label a compared design by its file name if it has the same design name as the part."""
+def _with_unique_name(other: Design, part: Design, path: Path) -> Design:
+    """Return a compared design, renamed after its file if it has the same name as that of the part."""
     return with_values(other, {"name": path.stem}) if other.name == part.name else other

@@ -30,7 +30,7 @@ def scale(
     Parameters
     ----------
     image
-        An image of equidistant parallel lines: TIFF, PNG, JPEG, … (needs the extra vision).
+        An image of equidistant parallel lines: TIFF, PNG, JPEG, … (requires the extra vision).
 
     Raises
     ------

@@ -41,7 +41,7 @@ def tune(
     Parameters
     ----------
     image
-        A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
+        A micrograph of the printed lens, viewed along y: TIFF, OME-TIFF, PNG, JPEG (requires the extra vision).
     design
         The design file of the intended part.
     out
@@ -100,7 +100,5 @@ def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name
         path = Path(folder) / f"{name}.toml"
         files.write_all(_drawing(tuned, sensor, path))
         design = open_design(path)
-        part = printable_design(
-            design, fabricate.sensor_part(design, Sensor.of(design).body().prism()), path, slicing
-        )
+        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body().prism()), path, slicing)
     return layer_files(part, slicing, out, name, FigureOptions(), None)
