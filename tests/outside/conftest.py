@@ -1,4 +1,4 @@
-"""Where the data of others lies."""
+"""The folder of data from other sources."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def outside() -> Path:
-    """The folder of outside data; the test is skipped where it is absent."""
+    """Return the folder of outside data; skip the test if it is missing."""
     default = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = Path(os.environ.get("SOLEN_OUTSIDE_DATA", default))
     if not (folder / "raytrace").is_dir():

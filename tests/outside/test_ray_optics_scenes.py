@@ -1,8 +1,8 @@
-"""Scenes of a peer, read from its own files, give the readings that its own tests hold it to.
+"""Scenes of the simulator ray-optics, read from its files, give the readings recorded by its own tests.
 
-The measure is the peer's: |a − e| / (|e| + 1e-3) ≤ 1e-3 in every bin, a computed and e recorded. Rays go its way, in
-turns and with its rule for weak parts, and curves of formulas are its polylines. What agrees does so to 1e-9, rounding
-after many surfaces; so that is asked for.
+Its tests require |a − e| / (|e| + 1e-3) ≤ 1e-3 in every bin, for computed a and recorded e. Rays are traced as it
+traces them, in turns and with its rule for weak branches, and curves given by formulas are its polylines. The
+agreement is 1e-9, due to rounding after many surfaces, and this is required here.
 """
 
 import csv
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from solen.cli import run_command
 from solen.scene import dumps, loads, rayoptics
 from solen.trace import RoundRobin, trace, trace_round_robin
-from tests.outside.peer_support import Peer, angle_source, beam, load, point_source
+from tests.outside.ray_optics_support import SceneFile, angle_source, beam, load, point_source
 
-ASKED, REACHED = 1e-3, 1e-9
+TOLERANCE, MAX_DEVIATION = 1e-3, 1e-9
 WITH_GRATING = ("blocker/Blocker/filter", "mirror/BeamSplitter/filter-invert", "mirror/Mirror/filter")
-"""Their gratings send out twice what arrives, which no engine follows but the peer's rule."""
+"""Scenes with gratings that emit twice the incident power, which only the rule of ray-optics reproduces."""
 SCENES = (
     *("blocker/Aperture/default", "blocker/Blocker/color", "blocker/CircleBlocker/default"),
     *("glass/CircleGlass/equiv_merge", "glass/CurveGlass/equiv_param", "glass/CustomGlass/equiv_circle"),
@@ -38,27 +38,27 @@ SCENES = (
 )
 
 
-def place(outside: Path, name: str) -> Path:
+def scene_path(outside: Path, name: str) -> Path:
     return outside / "raytrace" / "ray-optics_scenes" / f"{name}.json"
 
 
 def recorded(outside: Path, name: str) -> NDArray[np.float64]:
-    """Positions and irradiances (2, bins)."""
-    with place(outside, name).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+    """Return recorded positions and irradiances (2, bins)."""
+    with scene_path(outside, name).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     return np.array([[float(row["Position"]), float(row["Irradiance"])] for row in rows]).T
 
 
-def deviation(read: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
-    assert read.shape == expected.shape
-    return float((np.abs(read - expected) / (np.abs(expected) + ASKED)).max())
+def deviation(irradiance: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+    assert irradiance.shape == expected.shape
+    return float((np.abs(irradiance - expected) / (np.abs(expected) + TOLERANCE)).max())
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_readings_are_those_that_the_peer_recorded(
+def test_readings_agree_with_recorded_ones(
     name: str, outside: Path, record_property: Callable[[str, object], None]
 ) -> None:
-    imported = rayoptics.load(place(outside, name), facets=True)
+    imported = rayoptics.load(scene_path(outside, name), facets=True)
     assert imported.not_understood == ()
     result = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
     assert result.undefined == 0, result.undefined_at_mm
@@ -67,45 +67,45 @@ def test_readings_are_those_that_the_peer_recorded(
     assert reading.position is not None
     assert reading.irradiance is not None
     position, irradiance = recorded(outside, name)
-    found = deviation(reading.irradiance, irradiance)
-    record_property("deviation", found)
-    print(f"{name}: {found:.1e}")
+    max_deviation = deviation(reading.irradiance, irradiance)
+    record_property("deviation", max_deviation)
+    print(f"{name}: {max_deviation:.1e}")
     np.testing.assert_allclose(reading.position, position, rtol=1e-12)
-    assert found <= REACHED
+    assert max_deviation <= MAX_DEVIATION
 
 
-def test_these_are_all_scenes(outside: Path) -> None:
+def test_all_scene_files_are_tested(outside: Path) -> None:
     folder = outside / "raytrace" / "ray-optics_scenes"
     names = {str(path.relative_to(folder).with_suffix("").as_posix()) for path in folder.rglob("*.json")}
     assert len(names) == 36
     assert names == set(SCENES)
 
 
-def test_the_command_line_reads_a_peer(outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_reads_ray_optics_scene(outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "glass/Glass/weak"
-    assert run_command(["trace", str(place(outside, name)), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    maps = found["readings"]["detector1"]
+    assert run_command(["trace", str(scene_path(outside, name)), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    maps = result["readings"]["detector1"]
     position, irradiance = recorded(outside, name)
-    assert deviation(np.array(maps["irradiance"]), irradiance) <= REACHED
+    assert deviation(np.array(maps["irradiance"]), irradiance) <= MAX_DEVIATION
     assert maps["position"] == position.tolist()
-    assert (found["length_unit"], found["power_unit"]) == ("unit of the file", "brightness")
+    assert (result["length_unit"], result["power_unit"]) == ("unit of the file", "brightness")
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        n
-        for n in SCENES
-        if not {"CustomGlass", "ParamGlass", "CustomMirror"} & {*n.split("/")} and n not in WITH_GRATING
+        name
+        for name in SCENES
+        if not {"CustomGlass", "ParamGlass", "CustomMirror"} & {*name.split("/")} and name not in WITH_GRATING
     ],
 )
-def test_the_engine_reads_the_same_total(name: str, outside: Path) -> None:
-    """By the plain engine, all weak parts followed and curves exact: the sum over a detector differs by what is drawn.
+def test_engine_gives_same_total(name: str, outside: Path) -> None:
+    """The engine follows all weak branches, and its curves are exact; totals over a detector differ only slightly.
 
-    Weak parts are sent for one another, each of them up to 0.01 and a bit: a total is off by few of them.
+    In ray-optics, one weak branch of up to about 0.01 represents others, so a total deviates by a few of them.
     """
-    imported = rayoptics.load(place(outside, name))
+    imported = rayoptics.load(scene_path(outside, name))
     result = trace(imported.scene, "power")
     assert result.undefined == 0, result.undefined_at_mm
     (reading,) = imported.readings(result.monitors).values()
@@ -119,8 +119,8 @@ def test_the_engine_reads_the_same_total(name: str, outside: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["glass/Glass/equiv_nonsimple", "mirror/IdealMirror/negative", "glass/PlaneGlass/cauchy"]
 )
-def test_an_imported_scene_is_kept_in_solens_own_json(name: str, outside: Path) -> None:
-    scene = rayoptics.load(place(outside, name)).scene
+def test_imported_scene_round_trip(name: str, outside: Path) -> None:
+    scene = rayoptics.load(scene_path(outside, name)).scene
     assert loads(dumps(scene)) == scene
 
 
@@ -133,14 +133,18 @@ def test_an_imported_scene_is_kept_in_solens_own_json(name: str, outside: Path) 
         ("lightSource/AngleSource/correctBrightness", "AngleSource"),
     ],
 )
-def test_rays_are_placed_as_a_second_reading_of_the_rule_places_them(name: str, kind: str, outside: Path) -> None:
-    """Its y points down and is taken as −z here, as z there."""
-    peer: Peer = load(outside, name)
-    (item,) = peer.objects(kind)
-    by_hand = {"Beam": beam, "PointSource": point_source, "AngleSource": angle_source}[kind](peer, item).launch()
-    (source,) = rayoptics.load(place(outside, name)).scene.sources
-    read = source.launch()
-    for one, other in ((read.x_mm, by_hand.x_mm), (read.z_mm, -by_hand.z_mm), (read.power_s, by_hand.power_s)):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
-    np.testing.assert_allclose(read.dx, by_hand.dx, atol=1e-12)
-    np.testing.assert_allclose(read.dz, -by_hand.dz, atol=1e-12)
+def test_source_rays_agree_with_independent_implementation(name: str, kind: str, outside: Path) -> None:
+    """y of ray-optics points down: it is −z in the import, and z in the independent implementation."""
+    file: SceneFile = load(outside, name)
+    (item,) = file.objects(kind)
+    expected = {"Beam": beam, "PointSource": point_source, "AngleSource": angle_source}[kind](file, item).launch()
+    (source,) = rayoptics.load(scene_path(outside, name)).scene.sources
+    launched = source.launch()
+    for values, expected_values in (
+        (launched.x_mm, expected.x_mm),
+        (launched.z_mm, -expected.z_mm),
+        (launched.power_s, expected.power_s),
+    ):
+        np.testing.assert_allclose(values, expected_values, rtol=1e-12)
+    np.testing.assert_allclose(launched.dx, expected.dx, atol=1e-12)
+    np.testing.assert_allclose(launched.dz, -expected.dz, atol=1e-12)
