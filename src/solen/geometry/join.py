@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Measure, Segment, Spline
@@ -36,7 +35,7 @@ class Joints:
         self.corner = _corners_of_ends(self.ends, join_mm)
         self.members: dict[int, list[int]] = {}
         for end, corner in enumerate(self.corner):
-            self.members.setdefault(int(corner), []).append(end)
+            self.members.setdefault(corner, []).append(end)
 
     def chains(self) -> list[list[int]]:
         """Return the connected groups of strokes, as sorted indices."""
@@ -47,7 +46,7 @@ class Joints:
                 stroke = pending.pop()
                 if stroke not in chain:
                     chain.add(stroke)
-                    ends = (end for side in (0, 1) for end in self.members[int(self.corner[2 * stroke + side])])
+                    ends = (end for side in (0, 1) for end in self.members[self.corner[2 * stroke + side]])
                     pending += [end // 2 for end in ends]
             chains.append(sorted(chain))
             unvisited -= chain
@@ -62,7 +61,7 @@ class Joints:
 
     def joined_curve(self, stroke: int) -> Curve:
         """Return the curve of a stroke from corner to corner."""
-        first, last = (self.point(int(self.corner[2 * stroke + side])) for side in (0, 1))
+        first, last = (self.point(self.corner[2 * stroke + side]) for side in (0, 1))
         return _between(self.strokes[stroke].curve, first, last)
 
 
@@ -98,26 +97,27 @@ def _is_negligible(curve: Curve, join_mm: float) -> bool:
     return math.dist(curve.start, curve.end) <= join_mm and Measure(curve).length_mm <= 2.0 * join_mm
 
 
-def _corners_of_ends(ends: FloatArray, join_mm: float) -> NDArray[np.int32]:
-    """Return the corner (N,) to which each end belongs."""
+def _corners_of_ends(ends: FloatArray, join_mm: float) -> list[int]:
+    """Return the number of the corner to which each end belongs."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
     pairs = KDTree(ends).query_pairs(join_mm, output_type="ndarray").reshape(-1, 2)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(ends), len(ends)))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+    _, corners = connected_components(graph, directed=False)
+    return [int(corner) for corner in corners]
 
 
 def _corners_of_chain(joints: Joints, chain: list[int]) -> list[int]:
-    return sorted({int(joints.corner[2 * stroke + side]) for stroke in chain for side in (0, 1)})
+    return sorted({joints.corner[2 * stroke + side] for stroke in chain for side in (0, 1)})
 
 
 def _check_duplicates(joints: Joints) -> None:
     """Raise `DesignError` if two strokes coincide."""
     strokes_by_ends: dict[tuple[int, ...], list[int]] = {}
     for i in range(len(joints.strokes)):
-        key = tuple(sorted(int(corner) for corner in joints.corner[2 * i : 2 * i + 2]))
+        key = tuple(sorted(joints.corner[2 * i : 2 * i + 2]))
         for earlier in strokes_by_ends.setdefault(key, []):
             if _coincide(joints.strokes[i].curve, joints.strokes[earlier].curve, joints.join_mm):
                 first, second = joints.strokes[earlier], joints.strokes[i]
@@ -148,7 +148,7 @@ def _faces_in_order(joints: Joints, chain: list[int]) -> list[Face]:
         curve = joints.joined_curve(stroke)
         faces.append(Face(joints.strokes[stroke].name, curve if side == 0 else curve.reversed()))
         end = 2 * stroke + 1 - side
-        first, second = joints.members[int(joints.corner[end])]
+        first, second = joints.members[joints.corner[end]]
         next_end = second if first == end else first
         stroke, side = divmod(next_end, 2)
     return faces

@@ -47,14 +47,9 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
     """Return the body of an outline, like `outline_body`, from a drawing in memory."""
     check_numbers("angle_deg", angle_deg)
-    rest = _rest(design, drawing)
+    rest = body_as_drawn(design, drawing, lambda faces: _emitter(design, drawing, faces))
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _rotated(design, rest, angle_deg)
     return moved.check()
-
-
-def _rest(design: Design, drawing: Drawing) -> Body:
-    """Return the body as drawn, with its emitter unmoved."""
-    return body_as_drawn(design, drawing, lambda faces: _emitter(design, drawing, faces))
 
 
 def body_as_drawn(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:

@@ -24,15 +24,11 @@ def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Fac
     """
     if gap_mm is None:
         return faces, ()
-    bare: list[Face] = []
-    receivers: list[Face] = []
-    for face in faces:
-        if face.part != "receiver":
-            bare.append(face)
-            continue
-        bare.append(replace(face, name=face.name.replace("receiver", "end", 1)))
-        receivers.append(replace(face, curve=_across_gap(face, gap_mm)))
-    return tuple(bare), tuple(receivers)
+    receivers = [face for face in faces if face.part == "receiver"]
+    bare = [
+        replace(face, name=face.name.replace("receiver", "end", 1)) if face in receivers else face for face in faces
+    ]
+    return tuple(bare), tuple(replace(face, curve=_across_gap(face, gap_mm)) for face in receivers)
 
 
 def _across_gap(face: Face, gap_mm: float) -> Segment:

@@ -1,5 +1,7 @@
 """Coupons of separate parts: cure discs, grey steps, ledges, a single layer on a film, cubes and cut-back guides."""
 
+from collections.abc import Sequence
+
 from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, unique_names
 from solen.geometry.coupons.options import CouponOptions
 from solen.geometry.coupons.raised import snapped
@@ -16,13 +18,8 @@ SPACING_MM = 5.0
 def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return discs of 3 mm, each cured by one exposure of a drop of resin, for the working curve."""
     exposures = options.disc_exposures_s
-    pitch, layer = DISC_MM + SPACING_MM, 1e-3 * options.layer_um
     names = unique_names(f"t-{exposure:g}s" for exposure in exposures)
-    x_mm = [(i - 0.5 * (len(exposures) - 1)) * pitch for i in range(len(exposures))]
-    discs = [
-        Feature(name, "disc", x, 0.0, DISC_MM, DISC_MM, 0.0, layer, exposure_s=exposure)
-        for name, x, exposure in zip(names, x_mm, exposures, strict=True)
-    ]
+    discs = _disc_row(options, names, exposures, [None] * len(names))
     cautions = (
         "the thickness of a disc is its cure depth, not the height of the solid: without the build platform, project "
         "the circle onto a drop on the floor of the vat, for each exposure in turn",
@@ -31,21 +28,13 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
     printed = "progressively increasing exposure time"
     taken = f"{', '.join(f'{exposure:g}' for exposure in exposures)} s"
     readings = (Reading("exposures", printed, taken),)
-    return Coupon("cure-discs", "discs for the working curve", tuple(discs), readings=readings, cautions=cautions)
+    return Coupon("cure-discs", "discs for the working curve", discs, readings=readings, cautions=cautions)
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return discs of 3 mm in one image, each with a different grey level, to measure the light of grey pixels."""
-    greys, pitch, layer = options.greys, DISC_MM + SPACING_MM, 1e-3 * options.layer_um
-    names = unique_names(f"g-{grey:g}" for grey in greys)
-    exposure = options.grey_exposure_s
-    discs = [
-        Feature(
-            name, "disc", (i - 0.5 * (len(greys) - 1)) * pitch, 0.0, DISC_MM, DISC_MM, 0.0, layer,
-            exposure_s=exposure, grey=grey,
-        )
-        for i, (name, grey) in enumerate(zip(names, greys, strict=True))
-    ]  # fmt: skip
+    names = unique_names(f"g-{grey:g}" for grey in options.greys)
+    discs = _disc_row(options, names, [options.grey_exposure_s] * len(names), options.greys)
     cautions = (
         "the thickness of a disc is its cure depth: without the build platform, project the image once onto a "
         "drop on the floor of the vat; the first disc has the full grey level",
@@ -57,7 +46,7 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
             "greys", "none", "added by solen: the light of the grey pixels at an edge determines the position of a wall"
         ),
     )
-    return Coupon("grey-steps", "discs with several grey levels", tuple(discs), readings=readings, cautions=cautions)
+    return Coupon("grey-steps", "discs with several grey levels", discs, readings=readings, cautions=cautions)
 
 
 def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
@@ -68,11 +57,10 @@ def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
     waist.
     """
     layer, half_count = 1e-3 * options.layer_um, options.ledge_layers // 2
-    pitch = BAR_MM + SPACING_MM
     bars = (0.0, *options.ledges_um)
     features = []
-    for bar, ledge_um in enumerate(bars):
-        x_mm = snapped((bar - 0.5 * (len(bars) - 1)) * pitch, options)
+    for x, ledge_um in zip(_centred_mm(len(bars), BAR_MM + SPACING_MM), bars, strict=True):
+        x_mm = snapped(x, options)
         for index in range(2 * half_count) if ledge_um else (0,):
             width = BAR_MM - 2e-3 * ledge_um * min(index, 2 * half_count - 1 - index)
             low, high = (index, index + 1) if ledge_um else (0, 2 * half_count)
@@ -123,12 +111,9 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return cubes of 1 cm for compression tests; a bevelled vertical edge marks the printing direction."""
     side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
-    pitch = side + SPACING_MM
     pieces = tuple(
-        Feature(
-            f"cube-{number + 1}", "cube", (number - 0.5 * (count - 1)) * pitch, 0.0, side, side, 0.0, side, False, bevel
-        )
-        for number in range(count)
+        Feature(f"cube-{number}", "cube", x, 0.0, side, side, 0.0, side, False, bevel)
+        for number, x in enumerate(_centred_mm(count, side + SPACING_MM), 1)
     )
     area = side * side - 0.5 * bevel * bevel
     readings = (
@@ -145,13 +130,13 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return straight guides to measure the loss by cut-back, identified by their lengths instead of marks."""
     wide, high = options.guide_width_mm, options.guide_height_mm
-    pitch = wide + SPACING_MM
     lengths = options.guide_lengths_mm
     names = unique_names(f"l-{length:g}" for length in lengths)
-    pieces = [
-        Feature(name, "guide", 0.0, (0.5 * (len(lengths) - 1) - i) * pitch, length, wide, 0.0, high, round=False)
-        for i, (name, length) in enumerate(zip(names, lengths, strict=True))
-    ]
+    y_mm = _centred_mm(len(lengths), wide + SPACING_MM)[::-1]
+    pieces = tuple(
+        Feature(name, "guide", 0.0, y, length, wide, 0.0, high, round=False)
+        for name, y, length in zip(names, y_mm, lengths, strict=True)
+    )
     readings = (
         Reading(
             "guides", "none", "added by solen: a single layer cannot show the loss of a guide several centimetres long"
@@ -162,4 +147,20 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
         "depends on the direction of the layers",
         "the guides have no marks, because a mark would scatter light: label them when you remove them from the plate",
     )
-    return Coupon("guides", "cut-back guides", tuple(pieces), readings=readings, cautions=cautions)
+    return Coupon("guides", "cut-back guides", pieces, readings=readings, cautions=cautions)
+
+
+def _disc_row(
+    options: CouponOptions, names: Sequence[str], exposures_s: Sequence[float], greys: Sequence[float | None]
+) -> tuple[Feature, ...]:
+    """Return a row of discs along x, one layer thick."""
+    x_mm = _centred_mm(len(names), DISC_MM + SPACING_MM)
+    return tuple(
+        Feature(name, "disc", x, 0.0, DISC_MM, DISC_MM, 0.0, 1e-3 * options.layer_um, exposure_s=exposure, grey=grey)
+        for name, x, exposure, grey in zip(names, x_mm, exposures_s, greys, strict=True)
+    )
+
+
+def _centred_mm(count: int, pitch_mm: float) -> list[float]:
+    """Return equidistant positions about 0."""
+    return [(i - 0.5 * (count - 1)) * pitch_mm for i in range(count)]

@@ -60,9 +60,8 @@ class Walk:
             self.runs[arriving], self.runs[departing], fillet_mm, node, self.plan.positions[node]
         )
         self.runs[arriving], self.runs[departing] = first, second
-        self.between[arriving] = []
-        if curve is not None:
-            self.between[arriving] = [Face(f"{'fillet' if isinstance(curve, Arc) else 'join'}-{node}", curve)]
+        part = "fillet" if isinstance(curve, Arc) else "join"
+        self.between[arriving] = [] if curve is None else [Face(f"{part}-{node}", curve)]
 
     def cap(self, path: GuidePath, node: str, number: int) -> list[Face]:
         """Return the faces across the end of a guide, from the arriving side to the departing side."""
