@@ -67,7 +67,7 @@ class NearestPoints:
 
 @dataclass(frozen=True, eq=False)
 class NominalFront:
-    """A lens's front as designed, and the walls that begin at its ends.
+    """The designed front of a lens, and the walls that begin at its ends.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Transmittance, reflectance and absorbance from a recording, chosen by quantity or name, on common wavelengths.
 
-If there is only one trace of a kind, it need not be named; if there are several, only those are used that the user
-names. The order of the traces has no meaning.
+A trace need not be named if it is the only one of its kind; of several, only the named ones are used. The order of the
+traces has no meaning.
 
 Public names: `optical_spectra`, `OpticalSpectra` and `kind_of`.
 """
