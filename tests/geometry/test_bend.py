@@ -27,13 +27,13 @@ def design(**tables: Any) -> Design:
 
 
 def bent_body(angle_deg: float, motion: dict[str, Any] | None = None, **tables: Any) -> Body:
-    made = design(motion={"kind": "bend"} | (motion or {}), **tables)
-    return y_body(made, lens_of(made, 1.44), angle_deg)
+    sensor_design = design(motion={"kind": "bend"} | (motion or {}), **tables)
+    return y_body(sensor_design, lens_of(sensor_design, 1.44), angle_deg)
 
 
 def straight_body(**tables: Any) -> Body:
-    made = design(**tables)
-    return y_body(made, lens_of(made, 1.44), 0.0)
+    sensor_design = design(**tables)
+    return y_body(sensor_design, lens_of(sensor_design, 1.44), 0.0)
 
 
 def integrated_position(x: float, z: float, angle_deg: float, from_mm: float, to_mm: float) -> Point:

@@ -36,8 +36,8 @@ def design(**tables: Any) -> Design:
 
 
 def body_at_rest(**tables: Any) -> Body:
-    made = design(**tables)
-    return y_body(made, lens_of(made, 1.44))
+    sensor_design = design(**tables)
+    return y_body(sensor_design, lens_of(sensor_design, 1.44))
 
 
 def displacements(body: Body, field: Field) -> dict[str, Displacement]:
@@ -74,14 +74,14 @@ def test_zero_displacement_gives_body_at_rest() -> None:
 @pytest.mark.parametrize("dimension", ["2d", "extruded"])
 def test_spline_rotation_gives_light_of_exact_rotation(dimension: str) -> None:
     emitter = {"width_mm": 0.2, "offset_mm": 0.03} | ({"pattern": "lambertian"} if dimension == "extruded" else {})
-    made = design(emitter=emitter, trace={"dimension": dimension})
-    sensor = Sensor.of(made)
+    sensor_design = design(emitter=emitter, trace={"dimension": dimension})
+    sensor = Sensor.of(sensor_design)
     body = sensor.body()
     moved_body = displaced(body, displacements(body, rippled_rotation_field)).body
     assert all(isinstance(face.curve, Spline) for face in moved_body.faces)
     contrasts = []
     for current in (body, moved_body):
-        scene = sensor_scene(made, current, sensor.material)
+        scene = sensor_scene(sensor_design, current, sensor.material)
         traced = integrate(scene, "power", 1e-5 if dimension == "2d" else 1e-4)
         right, left = (traced.detectors[name].power for name in ("right", "left"))
         contrasts.append((right - left) / (right + left))
@@ -90,8 +90,8 @@ def test_spline_rotation_gives_light_of_exact_rotation(dimension: str) -> None:
 
 
 def test_displacement_of_a_bend_gives_bent_body() -> None:
-    made = design(motion={"kind": "bend"})
-    body, expected = body_at_rest(), y_body(made, lens_of(made, 1.44), -3.0)
+    sensor_design = design(motion={"kind": "bend"})
+    body, expected = body_at_rest(), y_body(sensor_design, lens_of(sensor_design, 1.44), -3.0)
     base = body.marks["stem-base"][1]
     bend = bend_of(None, base, base + 16.2, -3.0)
 
@@ -167,8 +167,8 @@ def test_refuses_displacement_that_folds_body() -> None:
 
 
 def test_refuses_deformed_lens_in_space() -> None:
-    made = design(lens={"shape": "line-focus"}, emitter={"pattern": "lambertian"}, trace={"dimension": "extruded"})
-    body = Sensor.of(made).body()
+    emitter, trace = {"pattern": "lambertian"}, {"dimension": "extruded"}
+    body = Sensor.of(design(lens={"shape": "line-focus"}, emitter=emitter, trace=trace)).body()
     front = displaced(body, displacements(body, rotation_field)).body.front
     assert front is not None
     assert front.motion.angle_deg == pytest.approx(-2.0)

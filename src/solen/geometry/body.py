@@ -56,8 +56,8 @@ class Face:
     @property
     def label(self) -> str:
         """Name without part and segment number: ``right`` for ``receiver-right.2``; the part if nothing remains."""
-        part, rest = _words(self.name)
-        return rest or part
+        part, label = _words(self.name)
+        return label or part
 
 
 @dataclass(frozen=True)

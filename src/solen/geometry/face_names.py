@@ -31,9 +31,9 @@ def _intended_name(name: str) -> str | None:
     word = Face.part_of(name)
     if word in RESERVED or word in UNRELATED:
         return None
-    rest = name[len(word) :].strip("-_ .")
-    for known in RESERVED:
-        if word.startswith(known):  # receivers, receiverright
-            return "-".join(part for part in (known, word[len(known) :].removesuffix("s"), rest) if part)
+    remainder = name[len(word) :].strip("-_ .")
+    for reserved in RESERVED:
+        if word.startswith(reserved):  # receivers, receiverright
+            return "-".join(part for part in (reserved, word[len(reserved) :].removesuffix("s"), remainder) if part)
     similar = difflib.get_close_matches(word, RESERVED, n=1, cutoff=MIN_SIMILARITY)
-    return "-".join(part for part in (*similar, rest) if part) if similar else None
+    return "-".join(part for part in (*similar, remainder) if part) if similar else None

@@ -243,8 +243,8 @@ class _Sampling:
         sample, at = self._sample(at)
         for _ in range(4):
             steps, inside, _ = sample.fitted(at, guess_px)
-            good = steps.converged & inside & (np.abs(steps.rise[:, 0]) > MIN_SNR * steps.noise)
-            blur_px = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
+            reliable = steps.converged & inside & (np.abs(steps.rise[:, 0]) > MIN_SNR * steps.noise)
+            blur_px = float(np.median(steps.blur_px[reliable, 0])) if reliable.any() else guess_px
             if blur_px < MAX_BLUR_GROWTH * guess_px:
                 return float(np.clip(blur_px, 0.5, MAX_BLUR_PX))
             guess_px = min(blur_px, MAX_BLUR_PX)
@@ -256,10 +256,11 @@ class _Sampling:
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
             steps, inside, _ = sample.fitted(at, guess_px * np.array(factors))
-            good = inside & steps.converged & (steps.u_at_px.max(axis=1) < MAX_U_PX)
-            score = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
-            if good.any() and score > best:
-                best, blurs = score, np.median(steps.blur_px[good], axis=0)
+            reliable = inside & steps.converged & (steps.u_at_px.max(axis=1) < MAX_U_PX)
+            relative_noise = _median(steps.noise, reliable) / max(_median(steps.noise, inside), 1e-12)
+            score = float(reliable.sum()) - 10.0 * relative_noise
+            if reliable.any() and score > best:
+                best, blurs = score, np.median(steps.blur_px[reliable], axis=0)
         return np.asarray(np.clip(blurs, 0.5, MAX_BLUR_PX))
 
     def _sample(self, at: FloatArray) -> tuple["_Sampling", FloatArray]:
@@ -361,15 +362,15 @@ def scatter_over_u(
 def _typical(steps: Steps, usable: BoolArray) -> StepPriors | None:
     """Return typical parameters of the good fits, or None if there are too few."""
     noise = _median(steps.noise, usable)
-    good = usable & steps.converged & (np.abs(steps.rise).min(axis=1) > MIN_SNR * noise)
-    good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
-    if good.sum() < MIN_GOOD_FITS:
+    reliable = usable & steps.converged & (np.abs(steps.rise).min(axis=1) > MIN_SNR * noise)
+    reliable &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
+    if reliable.sum() < MIN_GOOD_FITS:
         return None
-    rise = float(np.median(np.abs(steps.rise[good]).max(axis=1)))
+    rise = float(np.median(np.abs(steps.rise[reliable]).max(axis=1)))
     return StepPriors(
-        log_blur=np.log(np.median(steps.blur_px[good], axis=0)),
+        log_blur=np.log(np.median(steps.blur_px[reliable], axis=0)),
         u_log_blur=U_LOG_BLUR,
-        slope_per_px=float(np.median(steps.slope_per_px[good])),
+        slope_per_px=float(np.median(steps.slope_per_px[reliable])),
         u_slope_per_px=U_SLOPE_FRACTION * rise,
         noise=noise,
     )

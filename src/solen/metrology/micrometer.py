@@ -281,9 +281,9 @@ def _fit_lines(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
     middle_t = t_all.sum(axis=1) / valid.sum(axis=1)
     middle = np.where(valid, ruler.positions, 0.0).sum(axis=1) / valid.sum(axis=1)
     off_t = np.where(valid, t - middle_t[:, None], 0.0)
-    off = np.where(valid, ruler.positions - middle[:, None], 0.0)
-    slope = float((off_t * off).sum() / (off_t**2).sum())
-    residuals = np.where(valid, off - slope * off_t, np.nan)
+    offset_px = np.where(valid, ruler.positions - middle[:, None], 0.0)
+    slope = float((off_t * offset_px).sum() / (off_t**2).sum())
+    residuals = np.where(valid, offset_px - slope * off_t, np.nan)
     limit = 4.0 * 1.4826 * float(np.nanmedian(np.abs(residuals))) + 1e-9
     good = valid & (np.abs(np.nan_to_num(residuals)) <= limit)
     count = good.sum(axis=1)

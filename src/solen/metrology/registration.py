@@ -244,8 +244,8 @@ def _after_registration(column: FloatArray, jacobian: FloatArray, weights: Float
 def _moved(pose: Pose, fit: _Fit) -> Pose:
     """Return the pose of the design after the rigid motion of the points."""
     c, s = math.cos(fit.turn), math.sin(fit.turn)
-    back = np.array([[c, -s], [s, c]])  # rotates row vectors back
-    axis = pose.direction_px(np.array([0.0, 1.0]) @ back)
+    inverse_rotation = np.array([[c, -s], [s, c]])  # rotates row vectors back
+    axis = pose.direction_px(np.array([0.0, 1.0]) @ inverse_rotation)
     angle = math.degrees(math.atan2(-axis[0], -axis[1])) % 360.0
-    x, y = pose.to_px(-fit.shift @ back).tolist()
+    x, y = pose.to_px(-fit.shift @ inverse_rotation).tolist()
     return replace(pose, rotation_deg=angle, origin_px=(x, y))

@@ -114,8 +114,8 @@ def _headings(grid: Grid, start: int) -> list[tuple[str, str]]:
         if column % 2 == 0 and not name:
             raise grid.error(start, column if column < len(names) else None, "the name of a trace is missing")
         if not (_is_mode(below) if column % 2 else _is_wave(below)):
-            wanted = "%T, %R, Abs or another mode" if column % 2 else "Wavelength (nm)"
-            raise grid.error(start + 1, column if column < len(modes) else None, f"should be {wanted}")
+            expected = "%T, %R, Abs or another mode" if column % 2 else "Wavelength (nm)"
+            raise grid.error(start + 1, column if column < len(modes) else None, f"should be {expected}")
     return [(names[column], modes[column + 1]) for column in range(0, count, 2)]
 
 

@@ -91,10 +91,10 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
 
 def _is_another(column: Channel, quantity: str) -> bool:
     """Return whether a column's unit excludes the quantity; a position in mm, for example, is not an angle."""
-    wanted = {"angle": "mm", "depth": "deg"}.get(quantity)
+    other_unit = {"angle": "mm", "depth": "deg"}.get(quantity)
     if quantity == "depth" and not column.unit:
         return True
-    return bool(wanted and column.unit and factor(column.unit, wanted) is not None)
+    return bool(other_unit and column.unit and factor(column.unit, other_unit) is not None)
 
 
 def force_in_volts(recording: Recording) -> Channel | None:

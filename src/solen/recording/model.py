@@ -158,9 +158,9 @@ class Recording(Result):
     def find(self, *names: str) -> Channel | None:
         """Return the first channel whose name or quantity is one of the given names, ignoring case and spaces."""
         for name in names:
-            wanted = plain(name)
+            plain_name = plain(name)
             for channel in self.channels:
-                if wanted in {plain(channel.name), plain(channel.quantity)}:
+                if plain_name in {plain(channel.name), plain(channel.quantity)}:
                     return channel
         return None
 

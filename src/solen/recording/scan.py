@@ -163,13 +163,13 @@ def isolated(values: FloatArray) -> IndexArray:
     typical = float(np.nanmedian(distance)) if np.isfinite(distance).any() else 0.0
     level = np.maximum(np.abs(previous), np.abs(next_value))
     with np.errstate(invalid="ignore"):
-        far = (
+        is_far = (
             (distance > 50.0 * typical)
             & (distance > 0.05 * level)
             & (distance > 10.0 * np.abs(previous - next_value))
             & (distance > 0.0)
         )
-    return np.flatnonzero(far)
+    return np.flatnonzero(is_far)
 
 
 def outlier_note(values: FloatArray, locations: Sequence[str]) -> str:

@@ -77,7 +77,7 @@ def _perkin(lines: Sequence[str]) -> Header:
     """Return the entries of a PerkinElmer file, defined by line number at the beginning and by order below ``#GR``."""
     stripped = [line.strip() for line in lines]
     after = stripped[stripped.index("#GR") + 1 :] if "#GR" in stripped else []
-    entries = {name: stripped[place] for place, name in _PERKIN.items() if place < len(stripped)}
+    entries = {name: stripped[index] for index, name in _PERKIN.items() if index < len(stripped)}
     return entries | dict(zip(_PERKIN_GRAPH, after, strict=False))
 
 

@@ -37,11 +37,11 @@ def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
 
 def layouts(only: str | None = None, options: CouponOptions = CouponOptions()) -> list[Coupon]:
     """Return the coupons with comma-separated names, in the order of `COUPONS`; all coupons by default."""
-    wanted = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
-    for name in wanted:
+    names = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
+    for name in names:
         if name not in COUPONS:
             raise SpecError("--only", value=name, limit=f"must be one or more of {', '.join(COUPONS)}")
-    return [layout(name, options) for name in COUPONS if name in wanted]
+    return [layout(name, options) for name in COUPONS if name in names]
 
 
 __all__ = [

@@ -63,8 +63,8 @@ def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
         x_mm = snapped(x, options)
         for index in range(2 * half_count) if ledge_um else (0,):
             width = BAR_MM - 2e-3 * ledge_um * min(index, 2 * half_count - 1 - index)
-            low, high = (index, index + 1) if ledge_um else (0, 2 * half_count)
-            box = (x_mm, 0.0, width, BAR_DEPTH_MM, low * layer, high * layer)
+            bottom, top = (index, index + 1) if ledge_um else (0, 2 * half_count)
+            box = (x_mm, 0.0, width, BAR_DEPTH_MM, bottom * layer, top * layer)
             features.append(Feature(f"ledge-{ledge_um:g}um-layer-{index + 1}", "ledge", *box, round=False))
     cautions = (
         "take images of the top, the bottom, and the side view along the bars: the upper half of the waist shows the "
@@ -129,12 +129,12 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
 
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
     """Return straight guides to measure the loss by cut-back, identified by their lengths instead of marks."""
-    wide, high = options.guide_width_mm, options.guide_height_mm
+    width, height = options.guide_width_mm, options.guide_height_mm
     lengths = options.guide_lengths_mm
     names = unique_names(f"l-{length:g}" for length in lengths)
-    y_mm = _centred_mm(len(lengths), wide + SPACING_MM)[::-1]
+    y_mm = _centred_mm(len(lengths), width + SPACING_MM)[::-1]
     pieces = tuple(
-        Feature(name, "guide", 0.0, y, length, wide, 0.0, high, round=False)
+        Feature(name, "guide", 0.0, y, length, width, 0.0, height, round=False)
         for name, y, length in zip(names, y_mm, lengths, strict=True)
     )
     readings = (

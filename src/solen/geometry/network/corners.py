@@ -99,11 +99,11 @@ def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: boo
     def above(u: float) -> float:
         return dot(minus(run.curve.point_at(u), base), ahead) - height_mm
 
-    near, far = (run.high, run.low) if at_end else (run.low, run.high)
-    if above(far) <= 0.0:
+    kept_end, other_end = (run.high, run.low) if at_end else (run.low, run.high)
+    if above(other_end) <= 0.0:
         limit = f"is shorter than the {height_mm:.3g} mm over which a lens joins it, at {point_text(base)}"
         raise DesignError(f"guide {run.guide}", limit=limit, remedy="reduce the rotation angle, or lengthen the guide")
-    u = float(brentq(above, near, far, xtol=1e-15)) if above(near) < 0.0 else near
+    u = float(brentq(above, kept_end, other_end, xtol=1e-15)) if above(kept_end) < 0.0 else kept_end
     point = run.curve.point_at(u)
     return replace(run, high=u, last=point) if at_end else replace(run, low=u, first=point)
 
@@ -141,8 +141,8 @@ def _crossing_of_lines(a: Run, b: Run, first: Segment, second: Segment) -> tuple
     if abs(area) <= MIN_SINE * math.hypot(*p) * math.hypot(*q):
         return None
     u, v = cross(offset, q) / area, cross(offset, p) / area
-    back = min(a.extension_mm, b.extension_mm)
-    if not (0.0 <= u <= 1.0 + back / first.length_mm and -back / second.length_mm <= v <= 1.0):
+    extension_mm = min(a.extension_mm, b.extension_mm)
+    if not (0.0 <= u <= 1.0 + extension_mm / first.length_mm and -extension_mm / second.length_mm <= v <= 1.0):
         return None
     return u, v, _crossing_of_mirror_images(a, b, first, second) or first.point_at(u)
 

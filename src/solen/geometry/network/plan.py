@@ -161,9 +161,9 @@ def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
     emitter_name = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
     lit_design = design if emitter_name is None else lit(design, emitter_name)
     table = lens_table(design, placed, _half_width_mm(network, number, placed))
-    made = lit_design.model_copy(update={"lens": table}).in_folder(design.folder)
+    lens_design = lit_design.model_copy(update={"lens": table}).in_folder(design.folder)
     try:
-        return lens_of(made, optical(lit_design).index)
+        return lens_of(lens_design, optical(lit_design).index)
     except DesignError as bad:
         what = f"network.lenses[{number}]: {bad.what}"
         raise DesignError(what, value=bad.value, limit=bad.limit, remedy=bad.remedy) from None

@@ -96,8 +96,8 @@ class Spine:
             bent = self._with_turn(angle_deg)
             return bent, motion_between(self.end, bent.end, angle_deg)
         bent = self._with_turn(-angle_deg)
-        back = motion_between(bent.end, self.end, angle_deg)
-        bent = bent.moved(back)
+        return_motion = motion_between(bent.end, self.end, angle_deg)
+        bent = bent.moved(return_motion)
         return bent, motion_between(self.start, bent.start, angle_deg)
 
     def _with_turn(self, angle_deg: float) -> "Spine":

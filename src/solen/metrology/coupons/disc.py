@@ -190,8 +190,8 @@ def _around(grey: FloatArray, centre: tuple[float, float], reach: float) -> _Pix
         return None
     y, x = np.mgrid[low : high + 1, left : right + 1]
     dx, dy = x - x0, y - y0
-    near = np.hypot(dx, dy) <= reach
-    return _Pixels(dx[near], dy[near], grey[low : high + 1, left : right + 1][near])
+    nearby = np.hypot(dx, dy) <= reach
+    return _Pixels(dx[nearby], dy[nearby], grey[low : high + 1, left : right + 1][nearby])
 
 
 def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool) -> float | None:
@@ -265,12 +265,12 @@ def _disc_of_sectors(
         return None
     distance = np.hypot(pixels.x - p[0], pixels.y - p[1])
     ring = np.abs(distance - radius) <= HALF_RING_BLURS * blur + 1.0
-    near = pixels.of(ring)
-    model, slopes = _model(near, p)
-    residual, per_px = near.grey - model, slopes[:, 2]
+    nearby = pixels.of(ring)
+    model, slopes = _model(nearby, p)
+    residual, per_px = nearby.grey - model, slopes[:, 2]
     inside = blurred_disc(distance[ring], radius, blur)
-    sector = np.floor((np.arctan2(near.y - p[1], near.x - p[0]) / math.tau + 0.5) * SECTORS).astype(int) % SECTORS
-    usable = near.grey < ceiling - 1e-12
+    sector = np.floor((np.arctan2(nearby.y - p[1], nearby.x - p[0]) / math.tau + 0.5) * SECTORS).astype(int) % SECTORS
+    usable = nearby.grey < ceiling - 1e-12
     offsets, rises = _sectors(sector, residual, per_px, inside, rise, usable)
     inspected = np.isfinite(rises)
     if inspected.sum() < SECTORS // 6:

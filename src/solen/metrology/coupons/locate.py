@@ -132,8 +132,8 @@ class _Search:
             distance = float(np.hypot(*(centres[i] - centres[k])))
             if distance < MIN_SPAN * extent:
                 continue
-            near = np.abs(distances / (self.px_per_mm * distance) - 1.0) < MAX_SCALE_ERROR
-            both = np.argwhere(near & similar_sizes[i][:, None] & similar_sizes[k][None, :]).tolist()
+            is_plausible = np.abs(distances / (self.px_per_mm * distance) - 1.0) < MAX_SCALE_ERROR
+            both = np.argwhere(is_plausible & similar_sizes[i][:, None] & similar_sizes[k][None, :]).tolist()
             pairs += [(i, k, first, second, mirrored) for first, second in both for mirrored in (False, True)]
         if len(pairs) > MAX_PAIRS:
             pairs = pairs[:: len(pairs) // MAX_PAIRS + 1]
@@ -169,9 +169,9 @@ class _Search:
     def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
         """Return pairs of features and blobs that are mutual nearest neighbours."""
         distances = np.where(self.similar_sizes(pose.px_per_mm), self._distances_px(pose), np.inf)
-        nearest, back = distances.argmin(axis=1), distances.argmin(axis=0)
+        nearest_blob, nearest_feature = distances.argmin(axis=1), distances.argmin(axis=0)
         max_px = near_mm * pose.px_per_mm
-        return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and distances[i, j] < max_px]
+        return [(i, int(j)) for i, j in enumerate(nearest_blob) if nearest_feature[j] == i and distances[i, j] < max_px]
 
     def _cost(self, pose: Pose, pairs: list[tuple[int, int]]) -> tuple[float, float]:
         """Return the cost of a pose, and the RMS distance of its blobs from the features.
