@@ -60,7 +60,7 @@ def test_measures_image_of_group_a(printed_result: Run, capfd: pytest.CaptureFix
     assert run_command([*options]) == 0
     lines = capfd.readouterr().out
     assert lines.startswith("simulated: group-a")
-    assert "smallest pillar that stands: 0.1 mm, printed 0.12" in lines
+    assert "smallest standing pillar: 0.1 mm, printed 0.12" in lines
     assert "0.08 mm is not" in lines
 
 

@@ -7,7 +7,7 @@ from solen.metrology.coupons import CouponMeasurement, Limit
 from solen.pipeline.print.fidelity import fidelity as fidelity
 
 MINIMA = {
-    "positive_diameter": "smallest pillar that stands",
+    "positive_diameter": "smallest standing pillar",
     "gap": "smallest gap that is open",
     "hole": "smallest hole that is open",
     "hole_variation": "smallest difference between holes",

@@ -26,7 +26,9 @@ def _(inspection: LensInspection) -> Iterator[str]:
         f"{inspection.rotation_deg:.2f} ± {inspection.u_rotation_deg:.1g} deg"
     )
     if inspection.points_rejected:
-        yield "rejected: " + ", ".join(f"{count} {reason}" for reason, count in inspection.points_rejected.items())
+        yield "rejected points: " + ", ".join(
+            f"{reason} {count}" for reason, count in inspection.points_rejected.items()
+        )
     yield from _size(inspection.size)
     if len(inspection.designs) > 1:
         yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest or 'none of these'}"

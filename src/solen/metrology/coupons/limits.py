@@ -47,7 +47,8 @@ class MeasuredSize:
     measured_mm, u_measured_mm
         The measured value and its standard uncertainty; None if there is nothing to measure.
     resolved
-        Whether it stands, is open, or is a rise; None if the image does not show it well enough.
+        Whether the pillar stands, the gap or hole is open, or the step is resolved; None if the image does not show it
+        well enough.
     reason
         Reason why it is unresolved or undecided.
     diameter_mm
