@@ -1,9 +1,9 @@
-"""Film the studio: frames of a real browser while the lens is turned and the emitter is dragged, for the documentation.
+"""Record the studio for the documentation: browser frames while the lens is turned and the emitter is dragged.
 
     python tools/studio_film.py docs/images/studio-moving.webp docs/images/studio.png
 
-The first file is the moving picture, the second one of its frames with sharp text. The tool needs Chromium, Node, and
-`npm ci` in web/; it draws nothing that the page did not show.
+The first file is the animation, the second its first frame at full resolution. The tool requires Chromium, Node, and
+`npm ci` in web/.
 """
 
 import argparse
@@ -21,19 +21,19 @@ from solen.studio.server import server_at
 
 DRIVER = Path(__file__).resolve().parents[1] / "web" / "tests" / "film.mjs"
 WIDTH, FRAME_MS, QUALITY = 1000, 90, 58
-LARGEST = 1_000_000
-"""Largest size of the moving picture in bytes."""
+MAX_BYTES = 1_000_000
+"""Maximum size of the animation."""
 
 
-def filmed(folder: Path) -> list[Image.Image]:
-    """Return the frames of the page in their order."""
-    browser = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("no Chromium")
+def recorded_frames(folder: Path) -> list[Image.Image]:
+    """Return the frames of the page in chronological order."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("Chromium is not installed")
     server, listening, page = server_at(Document(folder / "sensor.toml"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     try:
         command = [shutil.which("node") or "node", str(DRIVER), page, str(folder), browser]
-        subprocess.run(command, check=True)  # noqa: S603  its own
+        subprocess.run(command, check=True)  # noqa: S603  own driver
     finally:
         server.should_exit = True
         thread.join(10)
@@ -42,23 +42,29 @@ def filmed(folder: Path) -> list[Image.Image]:
 
 
 def main() -> None:
-    """Write both pictures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("moving", type=Path)
-    options.add_argument("still", type=Path)
-    asked = options.parse_args()
+    """Write both files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("animation", type=Path)
+    parser.add_argument("still", type=Path)
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        frames = filmed(Path(name))
-    frames[0].quantize(256).save(asked.still, optimize=True)
+        frames = recorded_frames(Path(name))
+    frames[0].quantize(256).save(options.still, optimize=True)
     height = round(WIDTH * frames[0].height / frames[0].width)
-    small = [frame.resize((WIDTH, height), Image.Resampling.LANCZOS) for frame in frames]
-    small[0].save(
-        asked.moving, save_all=True, append_images=small[1:], duration=FRAME_MS, loop=0, quality=QUALITY, method=6
+    resized = [frame.resize((WIDTH, height), Image.Resampling.LANCZOS) for frame in frames]
+    resized[0].save(
+        options.animation,
+        save_all=True,
+        append_images=resized[1:],
+        duration=FRAME_MS,
+        loop=0,
+        quality=QUALITY,
+        method=6,
     )
-    size = asked.moving.stat().st_size
+    size = options.animation.stat().st_size
     print(f"{len(frames)} frames, {size / 1000:.0f} kB")
-    if size > LARGEST:
-        sys.exit(f"larger than {LARGEST / 1000:.0f} kB: lower QUALITY or WIDTH")
+    if size > MAX_BYTES:
+        sys.exit(f"must be at most {MAX_BYTES / 1000:.0f} kB: reduce QUALITY or WIDTH")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The wiring of an emitter board on a breadboard, as a figure: one emitter, one receiver, one motor."""
+"""Figure of the wiring of an emitter board on a breadboard: an emitter, a receiver and a motor."""
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,13 +14,13 @@ def wire(axes: Axes, *points: Point) -> None:
     axes.plot(*zip(*points, strict=True), color=INK, lw=1.4, solid_capstyle="round")
 
 
-def resistor(axes: Axes, x: float, low: float, high: float, text: str, *, tuned: bool = False) -> None:
+def resistor(axes: Axes, x: float, low: float, high: float, text: str, *, adjustable: bool = False) -> None:
     """Draw a vertical resistor between two heights, with wires to both ends."""
     middle = 0.5 * (low + high)
     wire(axes, (x, low), (x, middle - 0.5))
     wire(axes, (x, middle + 0.5), (x, high))
     axes.add_patch(Rectangle((x - 0.18, middle - 0.5), 0.36, 1.0, fill=False, ec=INK, lw=1.4))
-    if tuned:
+    if adjustable:
         arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.2}
         axes.annotate("", (x + 0.45, middle + 0.45), (x - 0.45, middle - 0.45), arrowprops=arrow)
     axes.text(x + 0.55, middle, text, va="center", fontsize=8)
@@ -28,8 +28,8 @@ def resistor(axes: Axes, x: float, low: float, high: float, text: str, *, tuned:
 
 def ground(axes: Axes, x: float, y: float) -> None:
     """Draw a ground symbol below a point."""
-    for place, half in enumerate((0.32, 0.2, 0.08)):
-        wire(axes, (x - half, y - 0.12 * place), (x + half, y - 0.12 * place))
+    for index, half_width in enumerate((0.32, 0.2, 0.08)):
+        wire(axes, (x - half_width, y - 0.12 * index), (x + half_width, y - 0.12 * index))
 
 
 def supply(axes: Axes, x: float, y: float, text: str) -> None:
@@ -39,12 +39,12 @@ def supply(axes: Axes, x: float, y: float, text: str) -> None:
 
 
 def pin(axes: Axes, x: float, y: float, text: str, colour: str) -> None:
-    """Draw a pin of the board that ends at a point."""
+    """Draw a pin of the board, whose right end is at a point."""
     axes.add_patch(Rectangle((x - 2.1, y - 0.3), 2.1, 0.6, fc=colour, alpha=0.18, ec=colour))
     axes.text(x - 1.05, y, text, ha="center", va="center", fontsize=8)
 
 
-def transistor(axes: Axes, x: float, y: float, text: str, *, light: bool = False) -> None:
+def transistor(axes: Axes, x: float, y: float, text: str, *, lit: bool = False) -> None:
     """Draw an NPN transistor with its collector at (x, y + 0.8) and its emitter at (x, y - 0.8)."""
     axes.add_patch(Circle((x - 0.15, y), 0.55, fill=False, ec=INK, lw=1.2))
     wire(axes, (x - 0.35, y - 0.3), (x - 0.35, y + 0.3))
@@ -52,22 +52,22 @@ def transistor(axes: Axes, x: float, y: float, text: str, *, light: bool = False
     wire(axes, (x, y - 0.4), (x, y - 0.8))
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (x, y - 0.4), (x - 0.35, y - 0.12), arrowprops=arrow)
-    if light:
+    if lit:
         rays(axes, x - 1.45, y + 0.25)
     axes.text(x + 0.55, y, text, va="center", fontsize=8)
 
 
 def rays(axes: Axes, x: float, y: float) -> None:
     """Draw arrows of emitted or received light."""
-    for up in (0.0, 0.25):
+    for offset in (0.0, 0.25):
         arrow = {"arrowstyle": "->", "color": RIGHT, "lw": 1.2}
-        axes.annotate("", (x + 0.65, y + up - 0.25), (x, y + up), arrowprops=arrow)
+        axes.annotate("", (x + 0.65, y + offset - 0.25), (x, y + offset), arrowprops=arrow)
 
 
 def emitter(axes: Axes) -> None:
-    """Draw GPIO, transistor, LED, resistor and trimmer to 5 V."""
+    """Draw the emitter circuit: 5 V, trimmer, resistor, LED, and transistor with its GPIO pin."""
     supply(axes, 4.0, 8.2, "5 V")
-    resistor(axes, 4.0, 6.6, 8.2, "2 kΩ trimmer\n(power)", tuned=True)
+    resistor(axes, 4.0, 6.6, 8.2, "2 kΩ trimmer\n(power)", adjustable=True)
     resistor(axes, 4.0, 5.2, 6.6, "100 Ω")
     wire(axes, (4.0, 5.2), (4.0, 4.9))
     axes.add_patch(Polygon([(3.7, 4.9), (4.3, 4.9), (4.0, 4.4)], fill=False, ec=INK, lw=1.4))
@@ -89,22 +89,22 @@ def emitter(axes: Axes) -> None:
 
 
 def receiver(axes: Axes) -> None:
-    """Draw the trimmer as the load, the phototransistor to ground, and the node to the converter."""
+    """Draw the receiver circuit: trimmer and resistor as load, phototransistor to ground, and the node at the ADC."""
     supply(axes, 3.0, 8.2, "3.3 V (Uno: 5 V)")
-    resistor(axes, 3.0, 6.4, 8.2, "2 kΩ trimmer\n(sensitivity)", tuned=True)
+    resistor(axes, 3.0, 6.4, 8.2, "2 kΩ trimmer\n(sensitivity)", adjustable=True)
     resistor(axes, 3.0, 4.9, 6.4, "220 Ω")
     wire(axes, (3.0, 4.9), (3.0, 3.3))
     wire(axes, (3.0, 4.3), (0.9, 4.3))
     axes.plot(3.0, 4.3, "o", color=INK, ms=4)
     pin(axes, 0.9, 4.3, "input pin", LEFT)
-    transistor(axes, 3.0, 2.5, "TEMT7100X01", light=True)
+    transistor(axes, 3.0, 2.5, "TEMT7100X01", lit=True)
     wire(axes, (3.0, 1.7), (3.0, 1.2))
     ground(axes, 3.0, 1.2)
     axes.set_title("each receiver")
 
 
 def motor(axes: Axes) -> None:
-    """Draw step and direction lines to a driver with its own supply."""
+    """Draw the motor circuit: step and direction lines to a driver with a separate supply."""
     axes.add_patch(Rectangle((2.2, 2.6), 2.6, 4.2, fill=False, ec=INK, lw=1.4))
     axes.text(3.5, 4.7, "stepper\ndriver\n(A4988)\nor servo", ha="center", va="center", fontsize=8)
     for height, text in ((6.1, "STEP pin"), (5.1, "DIR pin")):
@@ -113,12 +113,12 @@ def motor(axes: Axes) -> None:
     for height, text in ((6.1, "motor"), (5.1, "motor")):
         wire(axes, (4.8, height), (5.6, height))
         axes.text(5.7, height, text, va="center", fontsize=8)
-    supply(axes, 3.5, 7.6, "its own supply")
+    supply(axes, 3.5, 7.6, "separate supply")
     wire(axes, (3.5, 7.6), (3.5, 6.8))
     wire(axes, (3.5, 2.6), (3.5, 1.2))
     ground(axes, 3.5, 1.2)
-    axes.text(3.9, 1.8, "grounds joined", fontsize=8)
-    axes.set_title("a motor, if there is one")
+    axes.text(3.9, 1.8, "common ground", fontsize=8)
+    axes.set_title("motor (optional)")
 
 
 def wiring() -> Figure:

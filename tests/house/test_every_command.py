@@ -31,7 +31,7 @@ from tests.analysis.diagnosis_support import response
 from tests.command_support import misfits
 from tests.house.page_support import differences, paint_coarsely
 from tests.report.lettering import faults
-from tools.command_pages import OF_THE_COMPUTER, SAMPLES, calls
+from tools.command_pages import MACHINE_DEPENDENT, SAMPLES, calls
 
 EXTRA = {
     "check #network": "hand.toml",
@@ -103,7 +103,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
         yield found
 
 
-@pytest.mark.parametrize("row", sorted(CALLS.keys() - SHORTENED - OF_THE_COMPUTER))
+@pytest.mark.parametrize("row", sorted(CALLS.keys() - SHORTENED - MACHINE_DEPENDENT))
 def test_a_command_prints_what_its_page_shows(answers: dict[str, Answer], row: str) -> None:
     assert not differences(CALLS[row][1], answers[row].lines)
 

@@ -1,4 +1,4 @@
-"""The lock holds names and versions, nothing else, and pins what pyproject.toml asks for."""
+"""The lock file contains only names and versions, and pins the requirements in pyproject.toml."""
 
 import tomllib
 
@@ -10,34 +10,34 @@ from tools.pins import (
     ROOT,
     SYSTEMS,
     applies,
-    direct,
-    environment,
+    direct_requirements,
     lock_lines,
-    malformed,
-    pins,
-    reached,
-    unpinned,
+    malformed_lines,
+    marker_values,
+    pin_faults,
+    pins_of,
+    required_packages,
 )
 
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
-def test_lock_holds_names_and_versions_only() -> None:
-    assert malformed(LOCK) == []
+def test_lock_contains_only_names_and_versions() -> None:
+    assert malformed_lines(LOCK) == []
     assert "//" not in LOCK
 
 
-def test_lock_is_sorted_and_without_repeats() -> None:
+def test_lock_is_sorted_without_duplicates() -> None:
     lines = lock_lines(LOCK)
-    assert sorted(line.partition("==")[0] for line in lines) == sorted(pins(LOCK))
+    assert sorted(line.partition("==")[0] for line in lines) == sorted(pins_of(LOCK))
 
 
-def test_every_direct_dependency_is_pinned_to_a_version_it_accepts() -> None:
-    assert unpinned(direct(PROJECT), pins(LOCK)) == []
+def test_pins_satisfy_direct_requirements() -> None:
+    assert pin_faults(direct_requirements(PROJECT), pins_of(LOCK)) == []
 
 
-def test_the_pythons_checked_are_those_claimed() -> None:
+def test_checked_python_versions_are_those_of_classifiers() -> None:
     claimed = [text.rpartition(" ")[2] for text in PROJECT["project"]["classifiers"] if "Python :: 3." in text]
     assert claimed == list(PYTHONS)
     assert PROJECT["project"]["requires-python"] == f">={PYTHONS[0]}"
@@ -56,20 +56,20 @@ def test_the_pythons_checked_are_those_claimed() -> None:
         "NumPy==2.1",
     ],
 )
-def test_other_lines_are_found_malformed(line: str) -> None:
-    assert malformed(f"# a comment\n\nnumpy==2.1\n{line}\n") == [line]
+def test_finds_malformed_line(line: str) -> None:
+    assert malformed_lines(f"# a comment\n\nnumpy==2.1\n{line}\n") == [line]
 
 
-def test_markers_are_read_for_the_target_not_for_this_machine() -> None:
-    only_windows = Requirement('colorama==0.4.6; sys_platform == "win32"')
-    assert [name for name, system in SYSTEMS.items() if applies(only_windows, environment("3.12", system))] == [
+def test_evaluates_markers_for_target_system() -> None:
+    windows_only = Requirement('colorama==0.4.6; sys_platform == "win32"')
+    assert [name for name, system in SYSTEMS.items() if applies(windows_only, marker_values("3.12", system))] == [
         "Windows x86_64"
     ]
 
 
-def test_requirements_are_followed_through_extras_and_missing_pins_named() -> None:
+def test_follows_requirements_of_extras_and_names_missing_pins() -> None:
     requires = {"a": [Requirement("b[x]>=2")], "b": [Requirement('c; extra == "x"'), Requirement('d; extra == "y"')]}
-    found = reached([Requirement("a")], requires, environment("3.11", SYSTEMS["Linux x86_64"]))
-    assert {name for name, _ in found} == {"a", "b", "c"}
-    faults = unpinned(found.values(), pins("a==1\nb==1\n"))
+    required = required_packages([Requirement("a")], requires, marker_values("3.11", SYSTEMS["Linux x86_64"]))
+    assert {name for name, _ in required} == {"a", "b", "c"}
+    faults = pin_faults(required.values(), pins_of("a==1\nb==1\n"))
     assert sorted(faults) == ["b[x]>=2 is not satisfied by b==1", 'c; extra == "x" is not pinned']
