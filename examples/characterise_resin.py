@@ -1,4 +1,4 @@
-"""A resin from simulated measurements to a response, with propagated uncertainties of the measurements."""
+"""From simulated measurements of a resin to the response of a sensor, with the uncertainties propagated."""
 
 import tempfile
 from pathlib import Path
@@ -17,17 +17,17 @@ NOISE = np.random.default_rng(5).normal
 
 
 def table(file: Path, header: str, *columns: ArrayLike) -> Path:
-    """Write a simulated file of columns."""
+    """Write a file of simulated columns."""
     np.savetxt(file, np.array(columns).T, "%.6g", ",", header=f"# simulated\n{header}", comments="")
     return file
 
 
 def results(folder: Path) -> dict[str, Path]:
-    """Return results of four measurements: a clear layer of 1.48 + 0.005/λ², guides, cured discs, a cube."""
+    """Evaluate four measurements: a clear layer, n = 1.48 + 0.005 µm²/λ²; guides; cured discs; a compressed cube."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
     layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
-    t, r = (one / (n**2 + 1) + NOISE(0, 1e-3, nm.size) for one in (2 * n, (n - 1) ** 2))
+    t, r = (exact + NOISE(0, 1e-3, nm.size) for exact in (2 * n / (n**2 + 1), (n - 1) ** 2 / (n**2 + 1)))
     index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), options=layer, out=out["index"])
     mm, mj = np.repeat([10, 20, 30, 40], 4), np.repeat([16, 25, 39], 5)
     mw, um = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size)), 150 * np.log(mj / 12) + NOISE(0, 4, mj.size)
@@ -40,19 +40,19 @@ def results(folder: Path) -> dict[str, Path]:
 
 
 def main() -> dict[str, float]:
-    """Return the measured properties of the resin, and the effect of the index's uncertainty on the response."""
+    """Return the measured properties of the resin, and the change of the contrast due to the uncertainty of n."""
     with tempfile.TemporaryDirectory() as name:
         out, options = Path(name) / "resin.toml", BuildOptions(name="simulated resin")
-        made = library.build(out, options=options, force=False, **results(Path(name))).result.to_dict()
-        changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
+        resin = library.build(out, options=options, force=False, **results(Path(name))).result.to_dict()
+        changes = {"material.resin": resin["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
-    near, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0  # degrees, beside the null
-    others = [with_deviations(sensor, {"material.index": step}).power(near).contrast for step in (-u_n, u_n)]
-    moved = float(np.abs(np.array(others) - sensor.power(near).contrast).max())
-    found = {"n": sensor.material.index, "u_n": u_n, "moved": moved}
-    found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}
-    print(*(f"{key} {value:.4g}" for key, value in found.items()), sep=", ")
-    return found
+    angles_deg, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0
+    shifted = [with_deviations(sensor, {"material.index": step}).power(angles_deg).contrast for step in (-u_n, u_n)]
+    contrast_change = float(np.abs(np.array(shifted) - sensor.power(angles_deg).contrast).max())
+    values = {"n": sensor.material.index, "u_n": u_n, "contrast_change": contrast_change, "Dp": resin["cure"]["Dp_um"]}
+    values |= {"loss": resin["loss"]["absorption_per_mm"], **resin["stiffness"]["parameters"]}
+    print(*(f"{key} {value:.4g}" for key, value in values.items()), sep=", ")
+    return values
 
 
 if __name__ == "__main__":

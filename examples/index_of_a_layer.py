@@ -1,8 +1,8 @@
-"""One clear layer evaluated in four ways, one of which gives no valid index.
+"""The index of a clear layer evaluated by four methods, one of which is wrong.
 
-A layer of 80 µm with the dispersion of an acrylate is measured, in this simulation, with an error of 0.1 % in T and R.
-The same spectra are evaluated in four ways. The last one uses the absorbance that a spectrophotometer exports, −log10
-T, as the fraction of light absorbed in the layer: its numbers look like an index, but they are wrong.
+An 80 µm layer with the dispersion of an acrylate is measured, in this simulation, with a noise of 0.1 % in T and R. The
+last method uses the absorbance that a spectrophotometer exports, −log10(T), as if it were the fraction of light
+absorbed in the layer: its results look like an index, but are wrong.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ EXTINCTION = np.full(WAVELENGTH_NM.shape, 2e-6)  # 0.3 % of the light is lost at
 
 
 def routes(seed: int = 1) -> dict[str, IndexSpectrum]:
-    """Return the index determined by four methods from the same simulated spectra."""
+    """Return the index by each of the four methods, from the same simulated spectra."""
     rng = np.random.default_rng(seed)
     exact_r, exact_t = forward(INDEX, EXTINCTION, THICKNESS_UM, WAVELENGTH_NM)
     r, t, a = (value + rng.normal(0.0, U, value.size) for value in (exact_r, exact_t, 1.0 - exact_r - exact_t))
@@ -31,18 +31,18 @@ def routes(seed: int = 1) -> dict[str, IndexSpectrum]:
 
 
 def main() -> dict[str, tuple[float, float | None]]:
-    """Return the index of the layer for light of an LED at 860 nm, by method, with its uncertainty."""
+    """Return the index of the layer for an LED at 860 nm with its uncertainty, keyed by method."""
     light = led(860.0, 30.0)
     truth = float(light.share @ (1.482 + 5.0e3 / light.wavelength_nm**2))
-    print(f"simulated layer in the light of an LED of 860 nm: n = {truth:.4f}")
-    found = {}
+    print(f"simulated layer in the light of an 860 nm LED: n = {truth:.4f}")
+    results = {}
     for name, spectrum in routes().items():
-        one = index_in(spectrum, light)
-        assert one.n is not None  # noqa: S101  nothing is masked that much here
-        u = "no uncertainty" if one.u_n is None else f"± {one.u_n:.4f}"
-        print(f"  {name:18} {one.n:.4f} {u:15}{'' if spectrum.measurement else '  no measurement'}")
-        found[name] = (one.n, one.u_n)
-    return found
+        index = index_in(spectrum, light)
+        assert index.n is not None  # noqa: S101  most of the band of the LED is valid
+        u = "no uncertainty" if index.u_n is None else f"± {index.u_n:.4f}"
+        print(f"  {name:18} {index.n:.4f} {u:15}{'' if spectrum.measurement else '  not a measurement'}")
+        results[name] = (index.n, index.u_n)
+    return results
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""A scene with its own outline: a body bounded by a spline, a chip as wide as an LED's, a dispersive resin.
+"""A scene with a custom outline: a body bounded by a spline, an LED chip of finite width, a dispersive resin.
 
-The chip emits three wavelengths; the drop refracts blue more than red. Rays are drawn from Sobol' samples, so the
-received fraction has a standard error. The scene is written to a file and read back unchanged.
+The chip emits three wavelengths; the drop refracts blue more than red. Rays are drawn from a scrambled Sobol' net, so
+the received fraction has a standard error. The scene is written to a file and read back unchanged.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ LED = ((450.0, 0.2), (530.0, 0.5), (625.0, 0.3))  # wavelength in nm, weight
 
 
 def drop() -> Scene:
-    """Return the drop; its points run counter-clockwise, so the body and the receiver's face are on the left."""
+    """Return the drop; its points are in counter-clockwise order, so the body is on the left of its outline."""
     body = Spline.through(OUTLINE_MM, closed=True)
     resin = Cauchy(A=1.49, B_um2=0.006, C_um4=0.0, valid_nm=(400.0, 900.0))
     return Scene(
@@ -31,14 +31,14 @@ def drop() -> Scene:
 
 
 def main() -> tuple[float, float, float]:
-    """Return the fraction of the power on the screen from Sobol' samples, with its error, and from a lattice."""
+    """Return the fraction of the power on the screen: from a Sobol' net, its standard error, and from a lattice."""
     with TemporaryDirectory() as folder:
         scene = load(save(Path(folder) / "drop.json", drop()))
     sampled = trace(scene, "power", sampling="sobol", seed=1, position_bins=6).detectors["screen"]
-    even = trace(scene, "power").detectors["screen"]
-    print(f"on the screen {sampled.power:.4f} ± {sampled.u_power:.4f}, by an even lattice {even.power:.4f}")
-    print("along the screen", " ".join(f"{share:.3f}" for share in sampled.power_by_position[0]))
-    return sampled.power, sampled.u_power, even.power
+    lattice = trace(scene, "power").detectors["screen"]
+    print(f"on the screen: {sampled.power:.4f} ± {sampled.u_power:.4f}, with a regular lattice {lattice.power:.4f}")
+    print("along the screen:", " ".join(f"{power:.3f}" for power in sampled.power_by_position[0]))
+    return sampled.power, sampled.u_power, lattice.power
 
 
 if __name__ == "__main__":

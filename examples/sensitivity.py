@@ -1,7 +1,7 @@
-"""Which dimensions matter: the sensitivity of the contrast to three of them, and the angle that an error simulates.
+"""Critical dimensions: the sensitivity of the contrast to four of them, and the angle error that each would cause.
 
-An error of a dimension that changes the contrast is read as an angle. The derivatives include light whose path changes
-as well as light that only becomes brighter or darker along its path.
+A change of the contrast due to a wrong dimension is read as an angle. The derivatives include both changes of the power
+along each path and light that moves from one receiver to the other.
 """
 
 from solen.sensor import Sensor
@@ -20,8 +20,10 @@ def main() -> dict[str, float]:
     print(f"at {ANGLE_DEG}° the contrast changes by {per_deg.value:+.2f} per degree")
     rows = sensor.sensitivity(KEYS, ANGLE_DEG)
     for row in rows:
-        looks_like_deg = ERROR_MM * row.contrast.value / per_deg.value
-        print(f"{row.key:19} {row.contrast.value:+8.3f} per mm: {ERROR_MM} mm look like {looks_like_deg:+.4f}°")
+        apparent_deg = ERROR_MM * row.contrast.value / per_deg.value
+        print(
+            f"{row.key:19} {row.contrast.value:+8.3f} per mm: an error of {ERROR_MM} mm is read as {apparent_deg:+.4f}°"
+        )
     return {row.key: row.contrast.value for row in rows}
 
 

@@ -1,18 +1,18 @@
-"""A straight response: the paper's lens and a free form found by `solen explore optimise`, in space, with a chip.
+"""A linear response: the lens of the paper, and a free-form lens found by `solen explore optimise`, in space.
 
-The deviation of both from a straight line is for an emitter 0.03 mm off axis, as a fraction of the span.
+The light source is an LED chip 0.03 mm off the axis. The deviation from a straight line is a fraction of the span.
 """
 
 from solen.explore.merits import Merits, merits_of
 from solen.sensor import Response, Sensor
 from solen.spec import Design
 
-OFF_MM = 0.03
+OFFSET_MM = 0.03
 CHIP = {"pattern": "lambertian", "cone_deg": 120.0, "width_mm": 0.2, "height_mm": 0.2}
 COMMON = {"material": {"index": 1.44}, "motion": {"step_deg": 0.5}, "trace": {"dimension": "extruded"}}
-PAPER = Design(name="paper's lens", emitter=CHIP, **COMMON)
+PAPER = Design(name="lens of the paper", emitter=CHIP, **COMMON)
 STRAIGHT = Design(
-    name="straight response",
+    name="free-form lens",
     emitter=CHIP | {"distance_mm": 1.506},
     lens={
         "shape": "spline",
@@ -27,17 +27,17 @@ RESPONSES: dict[str, Response] = {}
 
 
 def main() -> dict[str, Merits]:
-    """Return the merits of each design with a decentred emitter."""
-    found = {}
+    """Return the figures of merit of each design with a decentred emitter."""
+    results = {}
     for design in (PAPER, STRAIGHT):
-        sensor = Sensor.of(design.set({"emitter.offset_mm": OFF_MM}))
+        sensor = Sensor.of(design.set({"emitter.offset_mm": OFFSET_MM}))
         response = RESPONSES[design.name] = sensor.power(tolerance=1e-3)
-        merits = found[design.name] = merits_of(response)
+        merits = results[design.name] = merits_of(response)
         print(
-            f"{design.name}: {merits.linearity_percent:.1f} ± {merits.u_linearity_percent:.1f} % off a straight line, "
+            f"{design.name}: {merits.linearity_percent:.1f} ± {merits.u_linearity_percent:.1f} % from a straight line, "
             f"span {merits.span:.2f}, light {merits.light:.2f}, null at {merits.null_deg:+.2f}°"
         )
-    return found
+    return results
 
 
 if __name__ == "__main__":

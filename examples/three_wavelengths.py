@@ -1,7 +1,7 @@
-"""The three shipped designs, for 860, 500 and 450 nm: how the index shapes the lens and how much light it accepts.
+"""The three shipped designs, for 860, 500 and 450 nm: the effect of the index on the lens and its acceptance.
 
-A higher index makes a flatter lens, which accepts more of the emitter's cone. The received power includes reflection
-losses; it is the same at every angle of the motion except for rays that cross the body more than once.
+A lens with a higher index is flatter, and so accepts a larger part of the cone of the emitter. The received power
+includes reflection losses; apart from light that leaves the body and enters it again, it does not depend on the angle.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class Row(NamedTuple):
 
 
 def main() -> list[Row]:
-    """Return one row for each wavelength, the longest first."""
+    """Return a row for each wavelength, in descending order."""
     rows = []
     print("wavelength   index   depth    accepts   received at rest")
     for name in ("paper-860", "paper-500", "paper-450"):

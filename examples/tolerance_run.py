@@ -1,7 +1,7 @@
-"""A tolerance run: how many of 128 prints meet the limit if the emitter of each is glued slightly off its position.
+"""A tolerance run: the yield of 128 simulated prints whose emitters are glued slightly off their positions.
 
-A print is good if it balances within 0.2° of zero. The lens magnifies a decentre of the emitter, so a few micrometres
-are decisive; variation of the resin's index adds almost nothing.
+A print passes if its null is within 0.2° of zero. The lens magnifies the decentre of the emitter, so a few micrometres
+matter; the variation of the index of the resin has almost no effect.
 """
 
 from solen.explore import ToleranceOptions, Tolerances, tolerance
@@ -13,13 +13,13 @@ VARIED = (f"emitter.offset_mm=normal:0:{SD_MM}", "material.index=normal:0:0.002"
 
 
 def main() -> Tolerances:
-    """Return the yield of the prints, and the statistics of their balance points."""
+    """Return the results of the prints, with their yield and their nulls."""
     options = ToleranceOptions(vary=VARIED, require=(f"abs(null_deg) < {LIMIT_DEG}",), prints=128, rays=1024)
-    found = tolerance(Sensor.of(loads(template("paper-860"))), options)
-    nulls = found.to_dataset()["null_deg"]
-    print(f"{100 * found.yields[-1].share:.0f} % of the prints balance within ±{LIMIT_DEG}°")
-    print(f"balance {float(nulls.mean()):+.3f}° on average, {float(nulls.std()):.3f}° from print to print")
-    return found
+    result = tolerance(Sensor.of(loads(template("paper-860"))), options)
+    nulls = result.to_dataset()["null_deg"]
+    print(f"null within ±{LIMIT_DEG}°: {100 * result.yields[-1].share:.0f} % of the prints")
+    print(f"null: mean {float(nulls.mean()):+.3f}°, standard deviation {float(nulls.std()):.3f}°")
+    return result
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Dose: a working curve from simulated discs, the dose of a layer in a print, and limits from published statements.
 
-The paper gives no penetration depth and no critical dose, but states that 3 s at 13 mW/cm² cure more than 200 µm, and
-that layers of 25 µm are printed with 2 s. The discs here are simulated, with values that satisfy these statements.
+The paper gives neither a penetration depth nor a critical dose, but states that 3 s at 13 mW/cm² cure more than 200 µm,
+and that layers of 25 µm are printed with 2 s. The discs here are simulated, with values that satisfy these statements.
 """
 
 import numpy as np
@@ -15,27 +15,29 @@ DISCS = FOLDER / "discs-simulated.csv"
 
 
 def main() -> dict[str, float]:
-    """Return numbers of the curve, of a part of 100 layers with six burn-in layers, and of the statements."""
+    """Return results of the curve, of a part of 100 layers with six burn-in layers, and of the statements."""
     table = read(DISCS)
     dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
     curve = working_curve(dose, table.need("thickness").to("um"))
     low, high = curve.interval95_Dp_um
     print(f"Dp {curve.Dp_um:.1f} µm ({low:.1f} to {high:.1f}, 95 %)")
-    ends = curve.interval95_Ec_mJ_per_cm2 or (0.0, np.inf)
-    print(f"Ec {curve.Ec_mJ_per_cm2:.2f} mJ/cm² ({ends[0]:.2f} to {ends[1]:.2f}, 95 %)")
-    print("left out:", ", ".join(f"row {one.disc.row}, {one.reason}" for one in curve.left_out))
+    low, high = curve.interval95_Ec_mJ_per_cm2 or (0.0, np.inf)
+    print(f"Ec {curve.Ec_mJ_per_cm2:.2f} mJ/cm² ({low:.2f} to {high:.2f}, 95 %)")
+    print("excluded:", ", ".join(f"row {exclusion.disc.row}, {exclusion.reason}" for exclusion in curve.left_out))
 
     at_3_s = float(curve.depth_um(3.0 * IRRADIANCE_MW_PER_CM2))
     print(f"3 s cure {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
 
     seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
     stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)
-    print(f"one layer on its own receives {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm² on average,")
-    times = f"{stack.interior_over_single_layer:.2f} times as much"
-    print(f"a layer inside the part {stack.layer_mean_mJ_per_cm2[50]:.1f}: {times}")
+    print(f"mean dose of a single layer: {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm²")
+    factor = f"{stack.interior_over_single_layer:.2f} times as much"
+    print(f"mean dose of a layer within the part: {stack.layer_mean_mJ_per_cm2[50]:.1f} mJ/cm², {factor}")
 
     for depth_um in (50.0, 100.0, 200.0):
-        print(f"with Dp = {depth_um:.0f} µm the paper's statements allow Ec up to {largest_Ec(depth_um):.2f} mJ/cm²")
+        print(
+            f"for Dp = {depth_um:.0f} µm the statements of the paper allow Ec up to {largest_Ec(depth_um):.2f} mJ/cm²"
+        )
     return {
         "Dp_um": curve.Dp_um,
         "Ec_mJ_per_cm2": curve.Ec_mJ_per_cm2,

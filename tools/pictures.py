@@ -1,4 +1,4 @@
-"""Draw the pictures of the documentation that no command draws: ``python tools/pictures.py``."""
+"""Draw the images of the documentation that are not figures of commands: ``python -m tools.pictures``."""
 
 import io
 from pathlib import Path
@@ -9,7 +9,7 @@ from PIL import Image as Pillow
 from skimage import data
 
 from examples.coins import circle
-from examples.coins import edges as found_coins
+from examples.coins import edges as coin_edges
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.analysis.demodulation import DemodulationOptions, demodulated
@@ -34,15 +34,15 @@ from tools.wiring import wiring
 
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
 ANGLES_DEG = np.linspace(-3.0, 3.0, 49)
-CHIPS = {"point emitter": 0.0, "chip 0.2 mm wide": 0.2}
+CHIP_WIDTHS_MM = {"point emitter": 0.0, "chip 0.2 mm wide": 0.2}
 
 
 def four_motions() -> Figure:
-    """Draw the contrast against the angle for the four motions, with a point emitter and with a chip."""
+    """Draw the contrast against angle for the four motions, with a point emitter and with a chip."""
     figure = Figure(figsize=(8.0, 3.4))
     panels = figure.subplots(1, 2, sharey=True)
     design = loads(template("paper-860"))
-    for axes, (title, width_mm) in zip(panels, CHIPS.items(), strict=True):
+    for axes, (title, width_mm) in zip(panels, CHIP_WIDTHS_MM.items(), strict=True):
         for number, (name, values) in enumerate(MOTIONS.items()):
             sensor = Sensor.of(with_values(design, {"emitter.width_mm": width_mm, **values}))
             axes.plot(ANGLES_DEG, sensor.power(ANGLES_DEG.tolist()).contrast, **series(number), label=name)
@@ -54,24 +54,24 @@ def four_motions() -> Figure:
 
 
 def index_routes() -> Figure:
-    """Draw the index of a simulated layer determined by four methods, and its true index."""
+    """Draw the index of a simulated layer determined by three methods, and its true index."""
     figure = Figure(figsize=(8.0, 3.6))
     axes = figure.add_subplot()
     colours = {"R and T measured": RIGHT, "T alone, lossless": LOST, "as published": LEFT}
     for name, spectrum in routes().items():
         if name in colours:
             dashes = LINES[list(colours).index(name)]
-            told = name if spectrum.measurement else f"{name}: no measurement"
-            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], ls=dashes, lw=1.0, label=told)
-    axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="the layer's own")
-    axes.set(title="simulated, 0.1 % of noise in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
+            label = name if spectrum.measurement else f"{name}: not a measurement"
+            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], ls=dashes, lw=1.0, label=label)
+    axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="true index")
+    axes.set(title="simulated, noise of 0.1 % in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
     axes.legend(fontsize="small", loc="center right")
     axes.grid(alpha=0.3)
     return figure
 
 
 def index_command() -> Figure:
-    """Draw the figure of ``solen resin index --figure`` for a simulated layer with a partly corrupted reflectance."""
+    """Draw the figure of ``solen resin index --figure`` for a simulated layer with a partly wrong reflectance."""
     rng = np.random.default_rng(2)
     nm = np.arange(400.0, 901.0, 2.0)
     loss = 2e-6 + 4e-5 * np.exp(-(nm - 380.0) / 25.0)
@@ -85,19 +85,19 @@ def index_command() -> Figure:
 
 
 def two_indices() -> Figure:
-    """Draw T and R of a clear layer on PET against its index, and the two indices that give the same reading."""
+    """Draw T and R of a clear layer on PET against its index, and the two indices with the same T and R."""
     figure = Figure(figsize=(8.0, 3.2))
     setup, n = Setup(Substrate(1.57, 0.0, 100.0)), np.linspace(1.0, 1.8, 161)
-    read = on_substrate(n, 0.0, 25.0, 589.3, setup)
-    seen = on_substrate(1.49, 0.0, 25.0, 589.3, setup)
-    other = invert_on_substrate(seen.T, seen.R, 589.3, 25.0, setup).other_n[0]
-    for axes, values, one, name in zip(
-        figure.subplots(1, 2), read, seen, ("T against the bare sheet", "R"), strict=True
-    ):
-        axes.plot(n, values, color=INK, lw=1.6)
-        axes.axhline(float(one), color=LOST, lw=0.8, ls="--")
-        for number, (at, label) in enumerate(((1.49, "n = 1.49"), (other, f"n = {other:.2f} reads the same"))):
-            axes.plot([at], [float(one)], **series(number, dots=True), label=label)
+    curves = on_substrate(n, 0.0, 25.0, 589.3, setup)
+    measured = on_substrate(1.49, 0.0, 25.0, 589.3, setup)
+    other_n = invert_on_substrate(measured.T, measured.R, 589.3, 25.0, setup).other_n[0]
+    solutions = ((1.49, "n = 1.49"), (other_n, f"n = {other_n:.2f}, same T and R"))
+    panels, names = figure.subplots(1, 2), ("T relative to the bare film", "R")
+    for axes, curve, value, name in zip(panels, curves, measured, names, strict=True):
+        axes.plot(n, curve, color=INK, lw=1.6)
+        axes.axhline(float(value), color=LOST, lw=0.8, ls="--")
+        for number, (solution, label) in enumerate(solutions):
+            axes.plot([solution], [float(value)], **series(number, dots=True), label=label)
         axes.set(xlabel="index of the layer", ylabel=name)
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", loc="lower center" if name[0] == "T" else "upper center")
@@ -106,88 +106,90 @@ def two_indices() -> Figure:
 
 
 def coins() -> Figure:
-    """Draw the outlines that ``examples/coins.py`` measures, coloured by their distance from a circle."""
+    """Draw the outlines measured by ``examples/coins.py``, coloured by their deviation from a circle."""
     figure = Figure(figsize=(6.4, 4.6))
     axes = figure.add_subplot()
     photograph = data.coins()
     axes.imshow(photograph, cmap="gray")
-    shown = None
-    for edge in found_coins(photograph / 255.0):
+    points = None
+    for edge in coin_edges(photograph / 255.0):
         x, y, diameter, _ = circle(edge)
-        at = edge.points_px[edge.kept]
-        off = np.hypot(at[:, 0] - x, at[:, 1] - y) - 0.5 * diameter
-        shown = axes.scatter(at[:, 0], at[:, 1], c=off, s=1.5, cmap="coolwarm", vmin=-2.0, vmax=2.0)
+        px = edge.points_px[edge.kept]
+        deviation = np.hypot(px[:, 0] - x, px[:, 1] - y) - 0.5 * diameter
+        points = axes.scatter(px[:, 0], px[:, 1], c=deviation, s=1.5, cmap="coolwarm", vmin=-2.0, vmax=2.0)
         axes.text(x, y, f"{diameter:.2f}", color="white", fontsize=6, ha="center", va="center")
-    if shown is not None:
-        figure.colorbar(shown, ax=axes, label="out of the circle (px)", shrink=0.8)
+    if points is not None:
+        figure.colorbar(points, ax=axes, label="deviation from a circle (px)", shrink=0.8)
     axes.set_axis_off()
     return figure
 
 
-READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readout.load_ohm": 1500.0}
+READOUT = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readout.load_ohm": 1500.0}
 
 
 def readout_picture() -> Figure:
-    """Draw the figure of ``solen readout --figure`` for the paper's sensor with a chip."""
-    design = with_values(loads(template("paper-860")), READ_WITH)
+    """Draw the figure of ``solen readout --figure`` for the sensor of the paper with a chip."""
+    design = with_values(loads(template("paper-860")), READOUT)
     return readout_figure(design_readings(Sensor.of(design)))
 
 
 def ambient_light() -> Figure:
-    """Draw the figure of ``solen bench demodulate`` for a simulated waveform with flicker and a step of light."""
+    """Draw the figure of ``solen bench demodulate`` for a waveform in ambient light with flicker and a step."""
     rng = np.random.default_rng(4)
-    circuit = circuit_of(with_values(loads(template("paper-860")), READ_WITH), {"right": 12.0, "left": 12.0})
+    circuit = circuit_of(with_values(loads(template("paper-860")), READOUT), {"right": 12.0, "left": 12.0})
     time = np.arange(40_000) / 10_000.0
     swing = np.tanh(2.0 * np.sin(np.pi * time))[:, None] * np.array([1.0, -1.0])
     on = (time * 200.0 * (1.0 + 50e-6) - 0.3) % 1.0 < 0.5
-    room = 0.6 + 0.15 * np.cos(2.0 * np.pi * 100.0 * time) + 0.4 * (time > 2.6)
-    light = lagged(volts(0.25 * (1.0 + swing) * on[:, None], circuit, room), circuit, 10_000.0)
-    read = circuit.adc.read(light + rng.normal(0.0, circuit.adc.noise_V, light.shape))
-    columns = {"time": ("s", time)} | {name: ("V", values) for name, values in zip(circuit.names, read.T, strict=True)}
+    ambient = 0.6 + 0.15 * np.cos(2.0 * np.pi * 100.0 * time) + 0.4 * (time > 2.6)
+    voltage = lagged(volts(0.25 * (1.0 + swing) * on[:, None], circuit, ambient), circuit, 10_000.0)
+    readings = circuit.adc.read(voltage + rng.normal(0.0, circuit.adc.noise_V, voltage.shape))
+    columns = {"time": ("s", time)} | {
+        name: ("V", values) for name, values in zip(circuit.names, readings.T, strict=True)
+    }
     channels = tuple(Channel(name, "", unit, values) for name, (unit, values) in columns.items())
     recording = Recording(channels, Provenance("on and off at 200 Hz", simulated=True))
     return demodulation_figure(demodulated(recording, DemodulationOptions(rate_hz=200.0, mains_hz=50.0)))
 
 
 def lens_in_space() -> Figure:
-    """Draw the faces of both lenses for space, the layered one in visibly thick slabs, and their profiles."""
+    """Draw the surfaces of both lenses for skew rays, the layered one with thick slabs, and their profiles."""
     paper = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
-    smooth, slabs = LineFocusLens(**paper, y_focus_mm=2.0), LayeredLens(**paper, layer_mm=0.5)
+    smooth, coarse = LineFocusLens(**paper, y_focus_mm=2.0), LayeredLens(**paper, layer_mm=0.5)
     layered = LayeredLens(**paper)
     figure = Figure(figsize=(10.4, 3.6))
     x = np.linspace(-2.0, 2.0, 41)
-    steps = np.repeat(slabs.edges_mm, 2)[1:-1]
-    inside = np.repeat(slabs.middles_mm, 2)
-    shown = (("line-focus", smooth, x, x), ("layered, slabs of 0.5 mm", slabs, steps, inside))
-    for number, (title, lens, heights, looked_at) in enumerate(shown, start=1):
+    edges = np.repeat(coarse.edges_mm, 2)[1:-1]
+    middles = np.repeat(coarse.middles_mm, 2)
+    lenses = (("line-focus", smooth, x, x), ("layered, slabs of 0.5 mm", coarse, edges, middles))
+    for number, (title, lens, y_drawn, y_evaluated) in enumerate(lenses, start=1):
         axes = figure.add_subplot(1, 3, number, projection="3d")
-        across, up = np.meshgrid(x, heights)
-        z = lens.z_at(across, np.meshgrid(x, looked_at)[1])
-        axes.plot_surface(across, up, -z, color=RIGHT, edgecolor=INK, linewidth=0.15, rstride=1, cstride=1)
+        x_grid, y_grid = np.meshgrid(x, y_drawn)
+        z = lens.z_at(x_grid, np.meshgrid(x, y_evaluated)[1])
+        axes.plot_surface(x_grid, y_grid, -z, color=RIGHT, edgecolor=INK, linewidth=0.15, rstride=1, cstride=1)
         axes.set(xlabel="x (mm)", ylabel="y (mm)", zticks=[], title=title)
         axes.set_box_aspect((2.0, 2.0, 0.9))
         axes.view_init(elev=38.0, azim=-52.0)
     profiles = figure.add_subplot(1, 3, 3)
     for number, y in enumerate((0.0, 1.0, 2.0)):
-        height = np.full_like(x, y)
-        profiles.plot(x, layered.z_at(x, height), **series(number), lw=1.6, label=f"layered, y = {y:g} mm")
-        label = "line-focus, the same" if number == 2 else None
-        profiles.plot(x, smooth.z_at(x, height), color=LOST, lw=0.8, label=label)
+        y_values = np.full_like(x, y)
+        profiles.plot(x, layered.z_at(x, y_values), **series(number), lw=1.6, label=f"layered, y = {y:g} mm")
+        label = "line-focus, same sections" if number == 2 else None
+        profiles.plot(x, smooth.z_at(x, y_values), color=LOST, lw=0.8, label=label)
     profiles.set(xlabel="x (mm)", ylabel="z (mm)", title="sections", ylim=(-0.1, 3.2))
     profiles.legend(fontsize="small", loc="upper center")
     return figure
 
 
 def soft_body() -> Figure:
-    """Draw the shipped press at 0.3 N: strain, forces and light."""
+    """Draw the strain, forces and light of the shipped press at 0.3 N."""
     return deformation_figure(deform(Sensor.of(loads(template("press-860"))), 0.3))
 
 
 def main() -> None:
-    """Draw all pictures."""
-    photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # a PNG of it would have 700 kB
-    with Pillow.open(photograph) as picture:
-        picture.convert("RGB").save(IMAGES / "coins.jpg", quality=80)
+    """Draw all images."""
+    photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # saved as JPEG: the PNG has 700 kB
+    with Pillow.open(photograph) as image:
+        image.convert("RGB").save(IMAGES / "coins.jpg", quality=80)
     (IMAGES / "two-indices.svg").write_bytes(encoded(drawn(two_indices), ".svg", "two indices"))
     (IMAGES / "index-routes.svg").write_bytes(encoded(drawn(index_routes), ".svg", "index routes"))
     (IMAGES / "index-figure.svg").write_bytes(encoded(drawn(index_command), ".svg", "index figure"))

@@ -154,7 +154,7 @@ def found(example: dict[str, Any]) -> dict[str, tuple[float, ...]]:
     return result
 
 
-@pytest.mark.parametrize("motion", ["about the stem's base", "about the emitter", "the emitter alone", "a bend"])
+@pytest.mark.parametrize("motion", ["about the stem base", "about the emitter", "the emitter alone", "a bend"])
 def test_the_brute_force_finds_the_same(
     motion: str, example: dict[str, Any], found: dict[str, tuple[float, ...]]
 ) -> None:
@@ -168,4 +168,4 @@ def test_the_brute_force_finds_the_same(
 def test_they_are_different_calibrations(found: dict[str, tuple[float, ...]]) -> None:
     at_half = [contrasts[0] for contrasts in found.values()]
     assert min(abs(a - b) for i, a in enumerate(at_half) for b in at_half[:i]) > 0.02
-    assert found["a bend"][1] / found["about the stem's base"][1] == pytest.approx(0.5, abs=0.02)
+    assert found["a bend"][1] / found["about the stem base"][1] == pytest.approx(0.5, abs=0.02)
