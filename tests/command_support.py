@@ -12,17 +12,17 @@ from solen.cli.design.schema import commands, result_schema
 
 
 def answered(capfd: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    """The JSON object that a command prints, checked against its schema; nothing else may be printed."""
+    """Return the JSON object that a command prints, checked against its schema; nothing else may be printed."""
     capfd.readouterr()
     assert run_command([*arguments, "--json"]) == 0, capfd.readouterr().err
     printed = capfd.readouterr()
     assert printed.err == ""
-    misfit_lines = json.loads(printed.out)
-    assert isinstance(misfit_lines, dict)
+    reply = json.loads(printed.out)
+    assert isinstance(reply, dict)
     command = max((name for name in commands() if " ".join(arguments).startswith(f"{name} ")), key=len, default=None)
     if command is not None:
-        assert misfits(result_schema(tuple(command.split())), misfit_lines) == []
-    return misfit_lines
+        assert misfits(result_schema(tuple(command.split())), reply) == []
+    return reply
 
 
 def misfits(schema: dict[str, Any], value: Any, where: str = "$") -> list[str]:

@@ -9,19 +9,19 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("solen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("solen")  # a busy machine is no fault of what is tested
+settings.load_profile("solen")  # test cases may be slow on a busy machine
 
-# Help and completion parse the source of pydantic's base class anew for every options class; once is enough here.
+# Help and completion parse the docstring of the pydantic base class for every options class; here it is cached.
 docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)
 
-gc.set_threshold(20_000, 50, 50)  # as the command line does: a fourteenth of all time
+gc.set_threshold(20_000, 50, 50)  # as on the command line; this saves 7 % of the time
 
-# Tests run side by side, and most matrices are small: threads of the linear algebra would only wait for one another.
-# numpy reads this when it is imported, which happens later; programs that tests start inherit it.
+# Tests run in parallel, and most matrices are small: more threads for linear algebra would only compete.
+# numpy reads these variables when it is imported, later; programs started by tests inherit them.
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-LONG = {
+SLOW = {
     "agreement/test_lens_in_space.py",
     "bench/test_kills.py",
     "bench/test_ten_euros.py",
@@ -33,8 +33,8 @@ LONG = {
     "studio/test_page.py",
     "studio/test_search.py",
 }
-"""Files of 15 s and more. They come first: side by side, the last one would otherwise run alone."""
+"""Files that take 15 s or more. They run first; otherwise the last one would run alone at the end of a parallel run."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: "/".join(item.path.parts[-2:]) not in LONG)
+    items.sort(key=lambda item: "/".join(item.path.parts[-2:]) not in SLOW)

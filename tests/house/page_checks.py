@@ -1,4 +1,4 @@
-"""What a TOML or JSON block of a page is, and whether the reader of such files accepts it."""
+"""Check TOML and JSON blocks of pages with the reader of the file that they show."""
 
 import json
 import tomllib
@@ -27,47 +27,47 @@ Reader = Callable[[Path], Any]
 
 
 def _design(path: Path) -> None:
-    """Whole, or as a part of a shipped example: a sensor in space, or a network."""
-    stated = tomllib.loads(path.read_text(encoding="utf-8"))
-    if "schema" not in stated:
-        shipped = tomlkit.parse(template("hand-860" if "network" in stated else "solen-860"))
-        if "resin" in stated.get("material", {}):
+    """Check a complete design, or a part of one that is added to a shipped example."""
+    design = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "schema" not in design:
+        shipped = tomlkit.parse(template("hand-860" if "network" in design else "solen-860"))
+        if "resin" in design.get("material", {}):
             shipped.pop("material")
         _completed(path, tomlkit.dumps(shipped), replaced=("network", "body"))
     load(path)
 
 
 def _rig(path: Path) -> None:
-    """Whole, or as a part of the shipped rig; the instruments that it states stand for that rig's board."""
-    stated = tomllib.loads(path.read_text(encoding="utf-8"))
+    """Check a complete rig, or a part of one that is added to the shipped rig, whose instruments it replaces."""
+    rig = tomllib.loads(path.read_text(encoding="utf-8"))
     shipped: dict[str, Any] = tomllib.loads(starter_files()["rig"])
-    if "stages" not in stated:
-        for key in ("spread", "ambient"):  # of a simulated rig
+    if "stages" not in rig:
+        for key in ("spread", "ambient"):  # only for simulated instruments
             shipped.pop(key, None)
     for key in ("board", "stage"):
-        if stated.keys() & {"meter", "stages"}:
+        if rig.keys() & {"meter", "stages"}:
             shipped.pop(key, None)
-    if "meter" in stated:
-        shipped["sensor"] = shipped["sensor"][:1]  # of two inputs
+    if "meter" in rig:
+        shipped["sensor"] = shipped["sensor"][:1]  # a meter has two inputs
     _completed(path, tomlkit.dumps(shipped), replaced=("stage", "board", "sensor"))
     load_rig(path)
 
 
 def _completed(path: Path, shipped: str, replaced: tuple[str, ...]) -> None:
-    """Add what a block leaves out; tables that are replaced are those of the block alone."""
-    whole: dict[str, Any] = tomllib.loads(shipped)
+    """Add the tables that a block omits; those in ``replaced`` are not merged with the shipped ones."""
+    complete: dict[str, Any] = tomllib.loads(shipped)
     for key, value in tomllib.loads(path.read_text(encoding="utf-8")).items():
         merged = isinstance(value, dict) and key not in replaced
-        whole[key] = {**whole.get(key, {}), **value} if merged else value
-    path.write_text(tomlkit.dumps(whole), encoding="utf-8")
+        complete[key] = {**complete.get(key, {}), **value} if merged else value
+    path.write_text(tomlkit.dumps(complete), encoding="utf-8")
 
 
 def _protocol(path: Path) -> None:
-    """Whole, or steps that the return to where a cycle begins ends."""
+    """Check a complete protocol, or steps, to which the return to the start of the cycle is added."""
     text = path.read_text(encoding="utf-8")
     if "schema" not in text:
-        back = "\n[[step]]\nto_mm = 0.0\nvelocity_mm_per_s = 0.2\n" if "[[step]]" in text else ""
-        path.write_text(f'schema = 1\nname = "part"\n\n{text}{back}', encoding="utf-8")
+        return_step = "\n[[step]]\nto_mm = 0.0\nvelocity_mm_per_s = 0.2\n" if "[[step]]" in text else ""
+        path.write_text(f'schema = 1\nname = "part"\n\n{text}{return_step}', encoding="utf-8")
     load_protocol(path)
 
 
@@ -78,18 +78,18 @@ def _process(path: Path) -> None:
 
 
 def _profile(path: Path) -> None:
-    """A page shows two points; the others follow on a parabola."""
-    stated = json.loads(path.read_text(encoding="utf-8"))
-    (x, *_), (z, *_), (u, *_) = (stated[key] for key in ("x_mm", "z_mm", "u_mm"))
-    across = np.linspace(x, -x, 16)
-    stated |= {"x_mm": across.tolist(), "z_mm": (z * (across / x) ** 2).tolist(), "u_mm": [u] * 16}
-    path.write_text(json.dumps(stated), encoding="utf-8")
+    """Check a profile of which the page shows two points; the others are on a parabola."""
+    profile = json.loads(path.read_text(encoding="utf-8"))
+    (x, *_), (z, *_), (u, *_) = (profile[key] for key in ("x_mm", "z_mm", "u_mm"))
+    points = np.linspace(x, -x, 16)
+    profile |= {"x_mm": points.tolist(), "z_mm": (z * (points / x) ** 2).tolist(), "u_mm": [u] * 16}
+    path.write_text(json.dumps(profile), encoding="utf-8")
     read_profile(path)
 
 
 def _entry_points(path: Path) -> None:
-    named = tomllib.loads(path.read_text(encoding="utf-8"))["project"]["entry-points"]
-    assert {*named} == {*GROUPS}
+    entry_points = tomllib.loads(path.read_text(encoding="utf-8"))["project"]["entry-points"]
+    assert {*entry_points} == {*GROUPS}
 
 
 TOML_FILES: dict[str, Reader] = {
@@ -112,15 +112,18 @@ TOML_FILES: dict[str, Reader] = {
     "mechanics": _design,
     "network": _design,
 }
-"""Reader of a TOML block, by the first of these keys that it has."""
+"""Readers of TOML blocks, keyed by a key of the file; the first key that a block contains determines its reader."""
 JSON_FILES: dict[str, Reader] = {"x_mm": _profile, "features": read_features}
 
 
 def check_file(language: str, text: str, path: Path) -> None:
-    """Read a block as the file that its keys say; `AssertionError` if they say none, an error of solen if it is bad."""
-    stated = tomllib.loads(text) if language == "toml" else json.loads(text)
+    """Read a block with the reader of its keys.
+
+    Raise `AssertionError` if there is none, or the error of the reader if the block is invalid.
+    """
+    keys = tomllib.loads(text) if language == "toml" else json.loads(text)
     readers = TOML_FILES if language == "toml" else JSON_FILES
-    key = next((key for key in readers if key in stated), None)
-    assert key is not None, f"{[*stated]} are the keys of no file"
+    key = next((key for key in readers if key in keys), None)
+    assert key is not None, f"no file has the keys {[*keys]}"
     path.write_text(text, encoding="utf-8")
     readers[key](path)

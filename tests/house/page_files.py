@@ -1,4 +1,4 @@
-"""Files that pages take for granted, as a reader's own: made of the samples, written when a block first names one."""
+"""Simulated files that pages assume a reader has, written when a block first names one."""
 
 import csv
 import io
@@ -27,7 +27,7 @@ SHIPPED = sample_files()
 
 @cache
 def _columns(name: str) -> dict[str, list[str]]:
-    """Columns of a sample by their headings."""
+    """Columns of a sample, keyed by heading."""
     rows = csv.reader(line for line in sample(name).decode().splitlines() if not line.startswith("#"))
     headings, *values = rows
     return dict(zip(headings, map(list, zip(*values, strict=True)), strict=True))
@@ -38,25 +38,25 @@ def _table(columns: dict[str, list[str]] | dict[str, np.ndarray]) -> str:
     return "\n".join(["# simulated: yes", ",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
-def _turned(headings: dict[str, str], of: str = "S1", time_scale: float = 1.0) -> Maker:
-    """A recording of one sensor of the samples: headings by what they hold."""
+def _rotation(headings: dict[str, str], sensor: str = "S1", time_scale: float = 1.0) -> Maker:
+    """Return a maker of a recording of one sensor of the samples, with headings keyed by quantity."""
 
-    def made() -> str:
-        kept = _columns("rotation-simulated.csv")
-        found = {"time": [f"{float(t) * time_scale:.6g}" for t in kept["time_s"]], "angle": kept["angle_deg"]}
-        found |= {side: kept[f"{of}.{side} (V)"] for side in ("left", "right")}
-        return _table({heading: found[name] for name, heading in headings.items()})
+    def make() -> str:
+        columns = _columns("rotation-simulated.csv")
+        values = {"time": [f"{float(t) * time_scale:.6g}" for t in columns["time_s"]], "angle": columns["angle_deg"]}
+        values |= {side: columns[f"{sensor}.{side} (V)"] for side in ("left", "right")}
+        return _table({heading: values[name] for name, heading in headings.items()})
 
-    return made
+    return make
 
 
-PLAIN = {"time": "time_s", "angle": "angle_deg", "left": "left (V)", "right": "right (V)"}
+HEADINGS = {"time": "time_s", "angle": "angle_deg", "left": "left (V)", "right": "right (V)"}
 LOGGED = {"time": "Clock (ms)", "angle": "stage", "left": "ai0", "right": "ai1"}
-WITHOUT_ANGLE = {name: heading for name, heading in PLAIN.items() if name != "angle"}
+WITHOUT_ANGLE = {name: heading for name, heading in HEADINGS.items() if name != "angle"}
 
 
 def _pressed() -> str:
-    """Six presses under a load cell of 0.5 N per V, 0.8 V without load."""
+    """Six presses with a load cell of 0.5 N per V that reads 0.8 V without load."""
     time = np.arange(0.0, 31.0, 0.02)
     depth = np.interp((time - 0.5) % 5.0, [0.0, 1.0, 2.0, 3.0, 5.0], [0.0, 0.3, 0.3, 0.0, 0.0]) * (time > 0.5)
     noise = np.random.default_rng(1).normal(0.0, 1e-4, (3, time.size))
@@ -67,7 +67,7 @@ def _pressed() -> str:
 
 
 def _waveform() -> str:
-    """Two receivers under an emitter that is switched at 200 Hz."""
+    """Two receivers with an emitter that is switched at 200 Hz."""
     time = np.arange(10_000) / 10_000.0
     lit = (time * 200.0) % 1.0 < 0.5
     noise = np.random.default_rng(2).normal(0.0, 1e-3, (2, time.size))
@@ -76,26 +76,26 @@ def _waveform() -> str:
 
 def _image() -> bytes:
     """The sample micrograph without its scale."""
-    with io.BytesIO() as found:
-        Image.fromarray(tifffile.imread(io.BytesIO(sample("lens-simulated.ome.tif")))).save(found, "PNG")
-        return found.getvalue()
+    with io.BytesIO() as file:
+        Image.fromarray(tifffile.imread(io.BytesIO(sample("lens-simulated.ome.tif")))).save(file, "PNG")
+        return file.getvalue()
 
 
 def _profile() -> str:
-    """The 860 nm lens, 5 µm too flat at its edges."""
+    """The 860 nm lens, with a deviation of 5 µm at its edges."""
     x = np.linspace(-2.0, 2.0, 401)
     lens = LineFocusLens(distance_mm=1.0, focus_mm=20.0, half_width_mm=2.0, design_index=1.44, y_focus_mm=20.0)
     z = lens.z_at(x, np.zeros_like(x)) - 0.005 * (x / 2.0) ** 2
-    stated = {"solen": "lens profile", "schema": 1, "name": "print 3", "simulated": True, "edge": "top"}
-    return json.dumps(stated | {"x_mm": x.tolist(), "z_mm": z.tolist(), "u_mm": [0.0005] * 401, "sources": []})
+    profile = {"solen": "lens profile", "schema": 1, "name": "print 3", "simulated": True, "edge": "top"}
+    return json.dumps(profile | {"x_mm": x.tolist(), "z_mm": z.tolist(), "u_mm": [0.0005] * 401, "sources": []})
 
 
 def _pixel() -> str:
-    """Light of a pixel of 27 µm, blurred by 16 µm, every 2 µm."""
-    at = np.arange(81) * 2.0 - 80.0
-    inside = np.abs(at) <= 13.5
-    one = np.convolve(inside, np.exp(-((at / 16.0) ** 2) / 2.0), "same")
-    return "\n".join(",".join(f"{value:.6g}" for value in row) for row in np.outer(one, one)) + "\n"
+    """Light of a 27 µm pixel, blurred by 16 µm, at steps of 2 µm."""
+    x_um = np.arange(81) * 2.0 - 80.0
+    inside = np.abs(x_um) <= 13.5
+    profile = np.convolve(inside, np.exp(-((x_um / 16.0) ** 2) / 2.0), "same")
+    return "\n".join(",".join(f"{value:.6g}" for value in row) for row in np.outer(profile, profile)) + "\n"
 
 
 def _doses() -> str:
@@ -104,15 +104,15 @@ def _doses() -> str:
     return _table({"dose_mJ_per_cm2": doses, "thickness_um": discs["thickness_um"]})
 
 
-def _pressed_cubes() -> str:
-    """Strain and stress of the cube, 10 mm a side."""
+def _compressed_cubes() -> str:
+    """Strain and stress of the sample cube of 10 mm."""
     cube = _columns("cube-simulated.csv")
     strain, stress = (np.array(cube[name], float) for name in ("displacement (mm)", "force (N)"))
     return _table({"strain": strain / 10.0, "stress (MPa)": stress / 100.0})
 
 
 def by_command(*line: str) -> None:
-    """Run a command of solen that makes what a page takes for granted."""
+    """Run a command of solen that makes a file."""
     assert run_command([*line, "--quiet"]) == 0, line
 
 
@@ -123,15 +123,14 @@ def _layered() -> str:
 
 
 def _loaded() -> str:
-    """The 860 nm sensor with the tables that its page begins with."""
-    shown = next(
-        one for one in blocks((ROOT / "docs" / "loads.md").read_text(encoding="utf-8")) if one.language == "toml"
-    )
-    return tomlkit.dumps(tomllib.loads(template("paper-860")) | tomllib.loads(shown.text))
+    """The 860 nm sensor with the tables in the first block of its page."""
+    page = (ROOT / "docs" / "loads.md").read_text(encoding="utf-8")
+    tables = next(block for block in blocks(page) if block.language == "toml")
+    return tomlkit.dumps(tomllib.loads(template("paper-860")) | tomllib.loads(tables.text))
 
 
 def _many_cycles() -> str:
-    """Four hundred cycles of 2 s, whose swing falls by a hundredth."""
+    """Four hundred cycles of 2 s, whose amplitude decreases by 1 %."""
     time = np.arange(0.0, 800.0, 0.1)
     angle = np.interp(time % 2.0, [0.0, 0.5, 1.5, 2.0], [0.0, 3.0, -3.0, 0.0])
     noise = np.random.default_rng(3).normal(0.0, 1e-3, (2, time.size))
@@ -146,20 +145,20 @@ def _many_cycles() -> str:
 
 
 def _misprinted() -> str:
-    """A spectrum with a letter in a number of its line 33."""
+    """A spectrum with a letter within a number in line 33."""
     lines = ["wavelength_nm,T,R,A (%)", *(f"{nm},0.91,0.08,91.37" for nm in range(400, 480, 2))]
     lines[32] = lines[32].replace("91.37", "9l.37")
     return "\n".join(lines) + "\n"
 
 
-def _made(file: str, *line: str) -> Maker:
-    """A file that a command writes, in a folder that it names."""
+def _written_by(file: str, *line: str) -> Maker:
+    """Return a maker of a file that a command writes."""
 
-    def made() -> bytes:
+    def make() -> bytes:
         by_command(*line)
         return Path(file).read_bytes()
 
-    return made
+    return make
 
 
 def _calibration() -> bytes:
@@ -169,14 +168,14 @@ def _calibration() -> bytes:
 
 
 def _rubber(power: float) -> Maker:
-    """Nominal stress of a neo-Hookean rubber of 0.2 MPa: λ less a negative power of λ, by how it is stretched."""
+    """Return a maker of the nominal stress of a neo-Hookean rubber, 0.4 MPa (λ − λ^−power)."""
 
-    def made() -> str:
+    def make() -> str:
         strain = np.linspace(0.0, 0.5, 60)
         stress = 0.4 * (1.0 + strain - (1.0 + strain) ** -power)
         return _table({"strain": strain.round(6), "stress (MPa)": stress.round(6)})
 
-    return made
+    return make
 
 
 SCENE = json.dumps(
@@ -189,7 +188,7 @@ SCENE = json.dumps(
         ],
     }
 )
-GIVEN: dict[str, Maker] = {
+FILES: dict[str, Maker] = {
     "sensor.toml": lambda: template("paper-860"),
     "design.toml": lambda: template("paper-860"),
     "my-sensor/sensor.toml": lambda: template("paper-860"),
@@ -197,22 +196,22 @@ GIVEN: dict[str, Maker] = {
     "lens.toml": _layered,
     "lens.json": _profile,
     "lens.png": _image,
-    "log.csv": _turned(LOGGED, time_scale=1000.0),
-    "daq.csv": _turned(WITHOUT_ANGLE),
-    "stage.csv": _turned({name: PLAIN[name] for name in ("time", "angle")}),
+    "log.csv": _rotation(LOGGED, time_scale=1000.0),
+    "daq.csv": _rotation(WITHOUT_ANGLE),
+    "stage.csv": _rotation({name: HEADINGS[name] for name in ("time", "angle")}),
     "press.csv": _pressed,
     "cell.toml": lambda: "[load_cell]\nN_per_V = 0.5\nu_sensitivity_percent = 0.5\n",
-    "S1_lens_1.csv": _turned(PLAIN, "S1"),
-    "S2_lens_1.csv": _turned(PLAIN, "S2"),
-    "S3_lens_1.csv": _turned(PLAIN, "S3"),
-    "S4_nolens_1.csv": _turned(PLAIN, "C"),
+    "S1_lens_1.csv": _rotation(HEADINGS, "S1"),
+    "S2_lens_1.csv": _rotation(HEADINGS, "S2"),
+    "S3_lens_1.csv": _rotation(HEADINGS, "S3"),
+    "S4_nolens_1.csv": _rotation(HEADINGS, "C"),
     "measured.csv": lambda: sample("layer-simulated.csv"),
     "resin.csv": lambda: sample("absorbance-simulated.csv"),
     "layers.csv": lambda: sample("exposures-simulated.csv"),
     "layer-on-pet.csv": lambda: sample("layer-simulated.csv"),
     "steps.csv": lambda: sample("greys-simulated.csv"),
     "curve.csv": _doses,
-    "cubes.csv": _pressed_cubes,
+    "cubes.csv": _compressed_cubes,
     "film.csv": _misprinted,
     "long.csv": _many_cycles,
     "tension.tra": tensile,
@@ -221,8 +220,8 @@ GIVEN: dict[str, Maker] = {
     "bulge.csv": _rubber(5.0),
     "S1.calibration.json": _calibration,
     "sensor.calibration.json": _calibration,
-    "coupon.stl": _made("made/grey-steps.stl", "print", "coupons", "--out", "made", "--only", "grey-steps"),
-    "cure-discs.json": _made("made/cure-discs.json", "print", "coupons", "--out", "made", "--only", "cure-discs"),
+    "coupon.stl": _written_by("made/grey-steps.stl", "print", "coupons", "--out", "made", "--only", "grey-steps"),
+    "cure-discs.json": _written_by("made/cure-discs.json", "print", "coupons", "--out", "made", "--only", "cure-discs"),
     "pixel.csv": _pixel,
     "pillars.json": lambda: sample("features-simulated.json"),
     "holes.json": lambda: sample("features-simulated.json"),
@@ -231,23 +230,23 @@ GIVEN: dict[str, Maker] = {
     **{f"cube{number}.csv": lambda: sample("cube-simulated.csv") for number in (1, 2, 3)},
     **{name.replace("-simulated", ""): partial(SHIPPED.__getitem__, name) for name in SHIPPED if "-simulated" in name},
 }
-"""Makers of files by their names on the pages; ``layer.csv`` is the sample ``layer-simulated.csv``."""
-GIVEN_ON: dict[str, dict[str, Maker]] = {
+"""Makers of files, keyed by their names on the pages; ``layer.csv`` is the sample ``layer-simulated.csv``."""
+FILES_OF_PAGES: dict[str, dict[str, Maker]] = {
     "docs/ambient-light.md": {"log.csv": lambda: sample("switched-simulated.csv"), "daq.csv": _waveform},
     "docs/archive.md": {"recordings/rotation.csv": lambda: sample("rotation-simulated.csv")},
     "docs/loads.md": {"sensor.toml": _loaded},
     "docs/networks.md": {"sensor.toml": lambda: template("hand-860")},
 }
-"""Files that are others on a page."""
+"""Makers of files that differ on some pages."""
 
 
 def give(page: str, text: str) -> None:
-    """Write files that a block names and that are not there."""
-    makers = GIVEN | GIVEN_ON.get(page, {})
+    """Write the files that a block names and that do not exist."""
+    makers = FILES | FILES_OF_PAGES.get(page, {})
     for name, maker in makers.items():
         path = Path(name)
-        named = name if "recordings/" not in name else "recordings"
-        if not path.exists() and re.search(rf"(?<![\w./-]){re.escape(named)}(?!\w)", text):
+        mention = name if "recordings/" not in name else "recordings"
+        if not path.exists() and re.search(rf"(?<![\w./-]){re.escape(mention)}(?!\w)", text):
             path.parent.mkdir(parents=True, exist_ok=True)
             content = maker()
             path.write_bytes(content if isinstance(content, bytes) else content.encode())

@@ -1,4 +1,4 @@
-"""The table of commands: each row names a function that exists, and says what the function's docstring says."""
+"""The table of commands, their pages, their help and their schemas."""
 
 import inspect
 import json
@@ -22,17 +22,16 @@ ROWS = [(group, name, place, text) for group, rows in COMMANDS.items() for name,
 
 
 @pytest.mark.parametrize(("group", "name", "place", "text"), ROWS, ids=lambda value: str(value)[:30])
-def test_a_row_is_a_function_that_describes_itself(group: str, name: str, place: str, text: str) -> None:
+def test_row_names_documented_function(group: str, name: str, place: str, text: str) -> None:
     module, _, function = place.partition(":")
-    found = getattr(import_module(f"solen.cli.{module}"), function)
-    assert inspect.getdoc(found), place
+    assert inspect.getdoc(getattr(import_module(f"solen.cli.{module}"), function)), place
     assert function.rstrip("_") == name
     assert module.startswith(f"{group or 'design'}.")
     assert text.endswith(".")
     assert len(text) < 80, "one line of a help screen"
 
 
-def test_names_are_not_used_twice_in_a_group() -> None:
+def test_names_within_group_are_unique() -> None:
     for group, rows in COMMANDS.items():
         names = [name for name, _, _ in rows]
         assert len(set(names)) == len(names)
@@ -40,7 +39,7 @@ def test_names_are_not_used_twice_in_a_group() -> None:
 
 
 @pytest.mark.parametrize("command", commands())
-def test_every_command_has_a_page_and_its_line_in_the_list(command: str) -> None:
+def test_command_has_page_and_entry_in_list(command: str) -> None:
     page = page_of(command)
     title = re.match(rf"# `solen {command}`: (.+)\n", page.read_text(encoding="utf-8"))
     assert title
@@ -48,19 +47,19 @@ def test_every_command_has_a_page_and_its_line_in_the_list(command: str) -> None
     assert f"- [`solen {command}`](commands/{page.name}): {title[1]}\n" in listed
 
 
-def test_every_page_is_of_a_command_and_every_picture_on_a_page() -> None:
+def test_no_page_or_image_is_unused() -> None:
     pages = {page_of(command) for command in commands()}
     assert set((ROOT / "docs" / "commands").iterdir()) == pages
     shown = {
         name for page in pages for name in re.findall(r"images/commands/(\S+?)\)", page.read_text(encoding="utf-8"))
     }
-    drawn = list((ROOT / "docs" / "images" / "commands").iterdir())
-    assert {picture.name for picture in drawn} == shown
-    assert sum(picture.stat().st_size for picture in drawn) < 3_000_000
+    images = list((ROOT / "docs" / "images" / "commands").iterdir())
+    assert {image.name for image in images} == shown
+    assert sum(image.stat().st_size for image in images) < 3_000_000
 
 
 @pytest.mark.parametrize("command", commands())
-def test_a_command_that_draws_has_its_figure_on_its_page(command: str) -> None:
+def test_page_shows_figure_of_command(command: str) -> None:
     module, _, function = commands()[command].partition(":")
     draws = "figure" in inspect.signature(getattr(import_module(f"solen.cli.{module}"), function)).parameters
     page = page_of(command)
@@ -127,12 +126,12 @@ QUERIES = {
     "project unpack": "unpack archive check sensor",
     "project reproduce": "reproduce paper figures",
 }
-"""What someone who does not know a command would search for."""
+"""Search queries of users who do not know the command, keyed by command."""
 
 
 @pytest.mark.parametrize("command", commands())
-def test_the_search_leads_from_words_of_users_to_a_command(command: str) -> None:
-    """The search lists only pages with all words of a query, and first those with the most of them in the title."""
+def test_search_finds_command(command: str) -> None:
+    """The search lists pages that contain all words of a query, in descending order of matches in the title."""
     title, _, text = page_of(command).read_text(encoding="utf-8").lower().partition("\n")
     words = QUERIES[command].split()
     assert [word for word in words if word not in f"{title}{text.partition('```')[0]}"] == []
@@ -146,18 +145,18 @@ def option_classes(kind: type[Options] = Options) -> Iterator[type[Options]]:
         yield from option_classes(derived)
 
 
-def test_the_limits_of_every_option_are_in_its_help() -> None:
-    """The limits that its JSON Schema states, at any depth, stand in the description that help shows."""
+def test_help_contains_limits_of_options() -> None:
+    """The description in the help contains the limits in the JSON Schema of an option, at any depth."""
     for _, _, place, _ in ROWS:
         import_module(f"solen.cli.{place.partition(':')[0]}")
-    missing, seen = [], 0
+    missing, count = [], 0
     for options in option_classes():
         for name, field in options.model_json_schema()["properties"].items():
             limits = re.findall(r"'(?:exclusiveM|m)(?:in|ax)imum': ([-+.\w]+)", str(field))
-            seen += len(limits)
-            words = options.model_fields[name].description or ""
-            missing += [f"{options.__name__}.{name}" for limit in limits if f"{float(limit):g}" not in words]
-    assert seen > 100
+            count += len(limits)
+            description = options.model_fields[name].description or ""
+            missing += [f"{options.__name__}.{name}" for limit in limits if f"{float(limit):g}" not in description]
+    assert count > 100
     assert missing == []
 
 
@@ -173,36 +172,36 @@ def test_help_shows_choices_defaults_and_limits(capsys: pytest.CaptureFixture[st
     assert "[default: ]" not in text
 
 
-def test_the_schema_alone_is_that_of_the_design(capsys: pytest.CaptureFixture[str]) -> None:
+def test_schema_without_command_is_that_of_design(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["schema"]) == 0
     assert "lens" in json.loads(capsys.readouterr().out)["properties"]
 
 
-def test_the_schema_of_a_command_is_that_of_its_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_schema_of_command_fits_its_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["schema", "doctor"]) == 0
     schema: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert run_command(["doctor", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     assert schema["title"] == "solen doctor"
-    assert found.keys() == schema["properties"].keys() == set(schema["required"])
+    assert result.keys() == schema["properties"].keys() == set(schema["required"])
 
 
 @pytest.mark.parametrize(
-    ("asked", "named"),
+    ("arguments", "message"),
     [(["nonsense"], "nonsense"), (["bench"], "bench analyse"), (["ben", "analyse"], "bench analyse")],
 )
-def test_no_command_has_no_schema(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, asked: list[str], named: str
+def test_refuses_schema_of_unknown_command(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, arguments: list[str], message: str
 ) -> None:
-    assert named in refusal(capsys, tmp_path, "schema", *asked)
+    assert message in refusal(capsys, tmp_path, "schema", *arguments)
 
 
-def test_what_prints_no_result_has_no_schema(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_refuses_schema_of_command_without_result(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "schema" in refusal(capsys, tmp_path, "schema", "schema")
 
 
-def test_no_command_has_an_option_twice() -> None:
-    """Options of a stage and of a figure stand side by side: one name must be one option."""
+def test_option_names_of_command_are_unique() -> None:
+    """A command has options of its stage and of its figure, which must not share a name."""
     for name, place in commands().items():
         module, _, function = place.partition(":")
         hints = get_type_hints(getattr(import_module(f"solen.cli.{module}"), function))

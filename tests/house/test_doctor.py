@@ -1,4 +1,4 @@
-"""What a bug report needs, and completion in the shell."""
+"""The `solen doctor` and `solen completion` commands."""
 
 import platform
 from pathlib import Path
@@ -11,18 +11,20 @@ from solen.extras import PACKAGES
 from tests.command_support import answered, refusal
 
 
-def test_the_doctor_names_versions_threads_extras_and_the_cache(capfd: pytest.CaptureFixture[str]) -> None:
-    found = answered(capfd, "doctor")
-    assert found["version"] == solen.__version__
-    assert found["python"].startswith(platform.python_version())
-    assert found["threads"] >= 1
-    assert found["packages"]["numpy"]
-    assert {package["name"] for package in found["optional"]} == {one.distribution for one in PACKAGES.values()}
-    assert {package["install"] for package in found["optional"]} == {one.command for one in PACKAGES.values()}
-    assert found["cache"]["folder"] is None or found["cache"]["files"] >= 0
+def test_doctor_reports_versions_threads_extras_and_cache(capfd: pytest.CaptureFixture[str]) -> None:
+    result = answered(capfd, "doctor")
+    assert result["version"] == solen.__version__
+    assert result["python"].startswith(platform.python_version())
+    assert result["threads"] >= 1
+    assert result["packages"]["numpy"]
+    assert {package["name"] for package in result["optional"]} == {
+        package.distribution for package in PACKAGES.values()
+    }
+    assert {package["install"] for package in result["optional"]} == {package.command for package in PACKAGES.values()}
+    assert result["cache"]["folder"] is None or result["cache"]["files"] >= 0
 
 
-def test_the_doctor_says_what_is_missing_and_what_brings_it(
+def test_doctor_names_missing_packages_and_how_to_install_them(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("ezdxf", "tifffile"):
@@ -35,23 +37,23 @@ def test_the_doctor_says_what_is_missing_and_what_brings_it(
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_is_installed_with_one_command(
+def test_installs_completion(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shell: str
 ) -> None:
     for name in ("HOME", "USERPROFILE"):
         monkeypatch.setenv(name, str(tmp_path))
     for name in ("ZSH", "ZSH_CUSTOM"):
         monkeypatch.delenv(name, raising=False)
-    found = answered(capfd, "completion", shell)
-    script = Path(found["files"]["completion"])
+    result = answered(capfd, "completion", shell)
+    script = Path(result["files"]["completion"])
     assert script.is_relative_to(tmp_path)
     text = script.read_text(encoding="utf-8")
     assert "cutback" in text
     assert "keep-all" in text
-    assert found["shell"] == shell
+    assert result["shell"] == shell
 
 
-def test_completion_refuses_another_shell(
+def test_refuses_completion_for_other_shell(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("cyclopts.completion.detect.detect_shell", lambda: "powershell")
@@ -59,6 +61,6 @@ def test_completion_refuses_another_shell(
     assert "tcsh" in refusal(capsys, tmp_path, "completion", "tcsh")
 
 
-def test_quiet_prints_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_prints_only_warnings(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["doctor", "--quiet"]) == 0
     assert capsys.readouterr().out == ""

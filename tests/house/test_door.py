@@ -1,4 +1,4 @@
-"""`import solen`: one screen of names, loaded when they are used, and what a first script does with them."""
+"""Public names of `import solen`, loaded when first used, and typical uses of them."""
 
 import ast
 import inspect
@@ -28,35 +28,35 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_to_import_it_loads_nothing_heavy() -> None:
+def test_import_loads_no_large_package() -> None:
     probe = "import solen, sys; dir(solen); print(*(set(sys.modules) & {'numpy', 'pydantic', 'scipy', 'numba'}))"
     done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_name_is_there_and_documented(name: str) -> None:
+def test_name_exists_and_is_documented(name: str) -> None:
     assert inspect.getdoc(getattr(solen, name))
     assert name in dir(solen)
 
 
-def test_type_checkers_see_the_same_names() -> None:
+def test_stub_contains_same_names() -> None:
     stub = ast.parse((ROOT / "src" / "solen" / "__init__.pyi").read_text(encoding="utf-8"))
-    named = {alias.name for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    assert named == set(NAMES)
+    stub_names = {alias.name for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert stub_names == set(NAMES)
 
 
-def test_names_are_no_rooms() -> None:
-    rooms = {path.stem for path in (ROOT / "src" / "solen").iterdir()}
-    assert not rooms & set(NAMES), "to import a room would take the name's place"
+def test_names_are_not_those_of_modules() -> None:
+    modules = {path.stem for path in (ROOT / "src" / "solen").iterdir()}
+    assert not modules & set(NAMES), "importing a module would replace the name"
 
 
-def test_an_unknown_name_is_an_attribute_error() -> None:
+def test_unknown_name_is_attribute_error() -> None:
     with pytest.raises(AttributeError, match="nonsense"):
-        getattr(solen, "nonsense")  # noqa: B009  as mypy knows the names
+        getattr(solen, "nonsense")  # noqa: B009  mypy would reject the attribute
 
 
-def test_a_design_changes_into_another_by_keys(file: Path) -> None:
+def test_design_is_copied_with_changed_keys(file: Path) -> None:
     design = solen.load(file)
     assert design.set(focus_mm=25).lens.focus_mm == 25.0
     assert design.set({"lens.focus_mm": 24}, name="other").name == "other"
@@ -68,7 +68,7 @@ def test_a_design_changes_into_another_by_keys(file: Path) -> None:
         design.set(focus=25)
 
 
-def test_what_is_frozen_says_how_a_changed_copy_is_made(file: Path) -> None:
+def test_error_of_frozen_object_shows_how_to_copy_it(file: Path) -> None:
     design = solen.load(file)
     with pytest.raises(FrozenError, match=r'design\.set\(\{"lens\.focus_mm": 25\}\)'):
         setattr(design.lens, "focus_mm", 25)  # noqa: B010
@@ -79,16 +79,16 @@ def test_what_is_frozen_says_how_a_changed_copy_is_made(file: Path) -> None:
     with pytest.raises(AttributeError, match=r"OvalLens\.focus_mm; cannot be changed"):
         delattr(solen.Sensor.of(design).lens, "focus_mm")
     with pytest.raises(FrozenError, match=r"CutbackOptions\(keep_all=True\)"):
-        setattr(CutbackOptions(), "keep_all", True)  # noqa: B010  as mypy knows that it cannot be
+        setattr(CutbackOptions(), "keep_all", True)  # noqa: B010  mypy would reject the assignment
 
 
-def test_a_sensor_is_that_of_a_file_or_of_a_design(file: Path) -> None:
+def test_sensor_of_file_equals_sensor_of_design(file: Path) -> None:
     sensor = solen.Sensor.of(str(file))
     assert sensor == solen.Sensor.of(solen.load(file))
     assert sensor.set(focus_mm=25).design.lens.focus_mm == 25.0
 
 
-def test_a_file_of_an_instrument_is_read_and_evaluated(tmp_path: Path) -> None:
+def test_reads_and_evaluates_measured_file(tmp_path: Path) -> None:
     path = tmp_path / "guides.csv"
     rows = "".join(f"{guide},{mm},{1.0 * 10 ** (-0.02 * mm)}\n" for guide in "abc" for mm in (10, 20, 40, 60))
     path.write_text(f"guide,length_mm,power_mW\n{rows}", encoding="utf-8")
@@ -99,24 +99,24 @@ def test_a_file_of_an_instrument_is_read_and_evaluated(tmp_path: Path) -> None:
     assert isinstance(solen.plot(loss), Figure)
 
 
-def test_a_design_is_exported_from_memory(file: Path, tmp_path: Path) -> None:
+def test_exports_design_from_memory(file: Path, tmp_path: Path) -> None:
     outcome = solen.export(solen.load(file).set(thickness_mm=3), tmp_path / "out", "stl")
     assert [path.suffix for path in outcome.files.values()] == [".stl"]
     assert outcome.result.thickness_mm == 3.0
     assert all(path.exists() for path in outcome.files.values())
 
 
-def test_what_has_no_figure_is_refused_with_what_has_one() -> None:
+def test_plot_refuses_object_without_figure() -> None:
     with pytest.raises(OutputError, match=r"int.*Sensor"):
         solen.plot(3)
 
 
 @pytest.mark.parametrize(("kind", "place"), FIGURES.items())
-def test_every_figure_takes_the_type_that_it_is_registered_for(kind: str, place: str) -> None:
+def test_figure_accepts_its_registered_type(kind: str, place: str) -> None:
     module, _, function = place.partition(":")
     draw = getattr(import_module(f"solen.report.{module}"), function)
     first, *others = inspect.signature(draw).parameters.values()
     assert all(other.default is not inspect.Parameter.empty for other in others)
-    taken = typing.get_type_hints(draw)[first.name]
-    names = {one.__name__ for one in typing.get_args(taken) or (taken,)}
+    annotation = typing.get_type_hints(draw)[first.name]
+    names = {accepted.__name__ for accepted in typing.get_args(annotation) or (annotation,)}
     assert kind in names

@@ -1,4 +1,4 @@
-"""What only a part of solen needs: the extras that messages and pages name are those of the project."""
+"""Optional packages: the extras named in messages and pages are those of the project."""
 
 import ast
 import re
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 from solen.errors import DataError, OutputError
 from solen.extras import PACKAGES, installed, need
@@ -23,7 +24,7 @@ EXTRAS = {
 
 
 @pytest.mark.parametrize("module", PACKAGES)
-def test_the_extra_installs_the_package(module: str) -> None:
+def test_extra_installs_package(module: str) -> None:
     assert PACKAGES[module].distribution in EXTRAS[PACKAGES[module].extra]
 
 
@@ -31,12 +32,12 @@ HINT = re.compile(r"""["`]\.\[([\w,]+)\]["`]""")
 
 
 def pages() -> list[Path]:
-    """Files whose text tells a reader what to install."""
+    """Files that may contain installation commands."""
     return [*SOURCES, *(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 
-def test_every_printed_hint_names_an_extra_of_the_project() -> None:
-    """`pip install ".[vision]"` works in a clone, and pages name that; the name on an index may be somebody else's."""
+def test_hints_name_extras_of_project() -> None:
+    """Pages show `pip install ".[vision]"`, for a clone: on a package index the name belongs to another project."""
     named = {
         extra
         for page in pages()
@@ -46,18 +47,20 @@ def test_every_printed_hint_names_an_extra_of_the_project() -> None:
     assert {"cad", "vision", "dev"} <= named <= EXTRAS.keys()
 
 
+def _parts(requirement: Requirement) -> tuple[str, frozenset[str], SpecifierSet]:
+    return requirement.name, frozenset(requirement.extras), requirement.specifier
+
+
 @pytest.mark.parametrize("module", PACKAGES)
-def test_a_printed_command_installs_what_the_extra_asks_for(module: str) -> None:
-    """Without the name of solen, which no index has: the command works beside a wheel as in a clone."""
-    program, action, *named = shlex.split(PACKAGES[module].command)
-    asked = [Requirement(line) for line in PROJECT["optional-dependencies"][PACKAGES[module].extra]]
+def test_command_installs_requirements_of_extra(module: str) -> None:
+    """The command does not name solen, which is not on a package index, so it works with a wheel and in a clone."""
+    program, action, *packages = shlex.split(PACKAGES[module].command)
+    requirements = [Requirement(line) for line in PROJECT["optional-dependencies"][PACKAGES[module].extra]]
     assert (program, action) == ("pip", "install")
-    assert {(one.name, frozenset(one.extras), one.specifier) for one in map(Requirement, named)} == {
-        (one.name, frozenset(one.extras), one.specifier) for one in asked
-    }
+    assert {_parts(requirement) for requirement in map(Requirement, packages)} == set(map(_parts, requirements))
 
 
-def test_a_clone_that_is_not_installed_installs_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clone_without_metadata_installs_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(distribution: str) -> list[str]:
         raise PackageNotFoundError(distribution)
 
@@ -65,20 +68,20 @@ def test_a_clone_that_is_not_installed_installs_its_extra(monkeypatch: pytest.Mo
     assert PACKAGES["OCP"].command == 'pip install ".[cad]"'
 
 
-def test_no_page_installs_the_package_of_another_project() -> None:
-    """`solen` on the public index is not this project: the distribution here is `solen-sensor`."""
-    found = [
+def test_no_page_installs_package_of_other_project() -> None:
+    """`solen` on the public index is not this project, whose distribution is `solen-sensor`."""
+    lines = [
         f"{page.relative_to(ROOT)}: {line.strip()}"
         for page in pages()
         for line in page.read_text(encoding="utf-8").splitlines()
         if re.search(r"""pip install ["']?solen\b|solen\[\w+\]""", line)
     ]
-    assert found == []
+    assert lines == []
     assert PROJECT["name"] == "solen-sensor"
     assert PROJECT["scripts"] == {"solen": "solen.cli:main"}
 
 
-def test_only_one_place_tells_that_a_package_is_missing() -> None:
+def test_no_module_catches_import_errors() -> None:
     caught = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in SOURCES
@@ -90,7 +93,7 @@ def test_only_one_place_tells_that_a_package_is_missing() -> None:
     assert caught == []
 
 
-def test_a_missing_package_is_one_line_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_of_missing_package_names_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setitem(sys.modules, "h5py", sys)
     assert not installed("OCP")
@@ -104,7 +107,7 @@ def test_a_missing_package_is_one_line_with_its_remedy(monkeypatch: pytest.Monke
     need("h5py", what="a.h5")
 
 
-def test_what_is_not_loaded_is_looked_for_and_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_looks_for_package_without_loading_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "xarray", raising=False)
     monkeypatch.setitem(PACKAGES, "no_such_module_of_anybody", PACKAGES["xarray"])
     installed("xarray")

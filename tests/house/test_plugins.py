@@ -1,7 +1,7 @@
-"""A laboratory's own package adds a printer, a format, a body, a finish and an instrument: each one file and one line.
+"""A plug-in package adds a printer, a file format, a body kind, finishes and instruments.
 
-The package of this test is a folder on the path with the metadata that pip would write; solen runs beside it in
-an interpreter of its own.
+The package of this test is a folder on the path with the metadata that pip would write; solen runs in a separate
+interpreter that finds it.
 """
 
 import json
@@ -43,7 +43,7 @@ from dataclasses import replace
 
 from solen.recording import Format
 from solen.recording.grid import of_text
-from solen.recording.layout import find_layout
+from solen.recording.layout import find
 from solen.recording.table import read
 
 
@@ -52,7 +52,7 @@ def from_bytes(source):
         return None
     rows = source.text().replace("|", ",").splitlines()[1:]
     grid = of_text(replace(source, data="\\n".join(["wavelength_nm,T,R", *rows, ""]).encode()))
-    return read(grid, find_layout(grid))
+    return read(grid, find(grid))
 
 
 SPECTRUM = Format(from_bytes=from_bytes)
@@ -61,7 +61,7 @@ SPECTRUM = Format(from_bytes=from_bytes)
 BAR = """
 from solen.curve import Segment
 from solen.geometry import drawn_kind
-from solen.geometry.drawing import Drawing, DrawnEmitter, Stroke
+from solen.geometry.drawing import Drawing, Lamp, Stroke
 
 def draw(numbers):
     half, length = numbers["width_mm"] / 2, numbers["length_mm"]
@@ -69,7 +69,7 @@ def draw(numbers):
     names = ["lens", "wall", "receiver-right", "receiver-left", "wall"]
     ends = corners[1:] + corners[:1]
     strokes = tuple(Stroke(n, Segment(a, b), n) for n, a, b in zip(names, corners, ends, strict=True))
-    return Drawing(strokes, (DrawnEmitter((0.0, -1.0)),), (("pivot", (0.0, 0.0)),))
+    return Drawing(strokes, (Lamp((0.0, -1.0)),), (("pivot", (0.0, 0.0)),))
 
 BAR = drawn_kind(draw, {"width_mm": 4.0, "length_mm": 20.0})
 """
@@ -180,7 +180,7 @@ velocity_deg_per_s = 15.0
 """
 
 
-SERVED = """
+SERVER = """
 import contextlib, io, json, sys
 from solen.cli import run_command
 for line in sys.stdin:
@@ -189,11 +189,11 @@ for line in sys.stdin:
         code = run_command(json.loads(line))
     print(json.dumps([code, out.getvalue(), err.getvalue()]), flush=True)
 """
-"""Runs each command line that it is sent."""
+"""Program that runs each command line that it receives."""
 
 
 class Lab:
-    """Folder with the distribution `mylab`, as pip would install it, and an interpreter that finds it."""
+    """Folder with the distribution `mylab` as installed by pip, and an interpreter that finds it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -212,7 +212,7 @@ class Lab:
         self.write("sensor.toml", template("paper-860"))
         path = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH", "")]))
         self.process = subprocess.Popen(
-            [sys.executable, "-c", SERVED],
+            [sys.executable, "-c", SERVER],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",
@@ -225,12 +225,12 @@ class Lab:
         return name
 
     def run(self, *arguments: str, code: int) -> tuple[str, str]:
-        """What a command prints, and what it says on the other stream."""
+        """Run a command; return its stdout and stderr."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         print(json.dumps(arguments), file=self.process.stdin, flush=True)
-        found, out, err = json.loads(self.process.stdout.readline())
-        assert found == code, err
+        exit_code, out, err = json.loads(self.process.stdout.readline())
+        assert exit_code == code, err
         return out, err
 
     def printed(self, *arguments: str) -> str:
@@ -239,26 +239,26 @@ class Lab:
     def refused(self, *arguments: str) -> str:
         return self.run(*arguments, code=2)[1]
 
-    def answer(self, *arguments: str) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.printed(*arguments, "--json"))
-        return found
+    def json(self, *arguments: str) -> dict[str, Any]:
+        result: dict[str, Any] = json.loads(self.printed(*arguments, "--json"))
+        return result
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[Lab]:
-    made = Lab(folder)
-    with made.process:
-        yield made
+def running_lab(folder: Path) -> Iterator[Lab]:
+    lab = Lab(folder)
+    with lab.process:
+        yield lab
 
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
-    with opened(tmp_path_factory.mktemp("lab")) as made:
-        yield made
+    with running_lab(tmp_path_factory.mktemp("lab")) as running:
+        yield running
 
 
-def test_the_doctor_lists_what_was_added(lab: Lab) -> None:
-    assert lab.answer("doctor")["plugins"] == {
+def test_doctor_lists_plugins(lab: Lab) -> None:
+    assert lab.json("doctor")["plugins"] == {
         "solen.instruments": ["lab-board", "lab-stage"],
         "solen.formats": ["lab-spectrum"],
         "solen.body_kinds": ["lab-bar"],
@@ -267,19 +267,19 @@ def test_the_doctor_lists_what_was_added(lab: Lab) -> None:
     }
 
 
-def test_a_printer_is_listed_and_used(lab: Lab) -> None:
+def test_printer_is_listed(lab: Lab) -> None:
     assert "lab-dlp" in lab.printed("print", "printers")
     assert "Lab DLP" in lab.printed("print", "printers", "lab-dlp")
 
 
-def test_a_file_of_the_format_is_read_by_a_command(lab: Lab) -> None:
+def test_command_reads_file_of_plugin_format(lab: Lab) -> None:
     rows = "".join(f"{nm}|0.9|0.04\n" for nm in range(800, 900, 10))
-    said = lab.printed("resin", "spectra", lab.write("layer.lab", f"LABSPEC 1\n{rows}"))
-    assert "800" in said
-    assert "890" in said
+    lines = lab.printed("resin", "spectra", lab.write("layer.lab", f"LABSPEC 1\n{rows}"))
+    assert "800" in lines
+    assert "890" in lines
 
 
-def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Lab) -> None:
+def test_body_kind_is_used_and_its_parameters_are_checked(lab: Lab) -> None:
     bar = lab.write("bar.toml", DESIGN)
     assert "bar" in lab.printed("check", bar)
     assert "right" in lab.printed("trace", bar, "--json")
@@ -291,11 +291,11 @@ def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Lab) -> N
     assert "lab-bar" in kind
 
 
-def test_a_rig_runs_on_the_instruments(lab: Lab) -> None:
+def test_rig_runs_with_plugin_instruments(lab: Lab) -> None:
     protocol = lab.write("protocol.toml", PROTOCOL)
-    found = lab.answer("bench", "run", protocol, "--rig", lab.write("rig.toml", RIG), "--out", "out")
-    assert (found["outcome"], found["simulated"]) == ("done", False)
-    assert found["periods"] > 100
+    result = lab.json("bench", "run", protocol, "--rig", lab.write("rig.toml", RIG), "--out", "out")
+    assert (result["outcome"], result["simulated"]) == ("done", False)
+    assert result["periods"] > 100
     rig = lab.write("rig.toml", RIG.replace('port = "COM9"', ""))
     assert "stage.port" in lab.refused("bench", "run", protocol, "--rig", rig, "--out", "two")
     rig = lab.write("rig.toml", RIG.replace('"lab-stage"', '"lab-board"'))
@@ -304,8 +304,8 @@ def test_a_rig_runs_on_the_instruments(lab: Lab) -> None:
     assert "lab-stage" in line
 
 
-def test_a_broken_package_is_named_when_it_is_used_and_not_before(tmp_path: Path) -> None:
-    with opened(tmp_path) as lab:
+def test_broken_plugin_is_reported_only_when_used(tmp_path: Path) -> None:
+    with running_lab(tmp_path) as lab:
         lab.write("site/mylab/bar.py", "import no_such_module\n")
         lab.printed("check", "sensor.toml")
         line = lab.refused("check", "sensor.toml", "--set", "body.kind=lab-bar")
@@ -314,44 +314,44 @@ def test_a_broken_package_is_named_when_it_is_used_and_not_before(tmp_path: Path
     assert "mylab" in line
 
 
-def walled(lab: Lab, name: str, finish: str, more: str = "") -> str:
-    """A sensor whose stem has a finish."""
-    return lab.write(name, f'{template("paper-860")}\n[[wall]]\nface = "[so]*-*"\nfinish = "{finish}"\n{more}')
+def with_wall(lab: Lab, name: str, finish: str, further: str = "") -> str:
+    """Write a design whose stem has a finish."""
+    return lab.write(name, f'{template("paper-860")}\n[[wall]]\nface = "[so]*-*"\nfinish = "{finish}"\n{further}')
 
 
 def powers(printed: str) -> dict[str, float]:
-    found = json.loads(printed)
-    assert abs(sum(found["ledger"].values()) - 1.0) < 1e-9
-    detectors = {side: reading["power"] for side, reading in found["detectors"].items()}
-    return detectors | {"absorbed": found["ledger"]["absorbed"]}
+    result = json.loads(printed)
+    assert abs(sum(result["ledger"].values()) - 1.0) < 1e-9
+    detectors = {side: reading["power"] for side, reading in result["detectors"].items()}
+    return detectors | {"absorbed": result["ledger"]["absorbed"]}
 
 
 @pytest.mark.parametrize("dimension", ["2d", "extruded"])
-def test_a_finish_by_a_table_does_what_the_table_says(lab: Lab, dimension: str) -> None:
-    """A table of 0.7 at all angles is a mirror of 0.7, in the plane and in space."""
-    table = walled(lab, "table.toml", "lab-velvet")
-    grey = walled(lab, "grey.toml", "mirror", "reflectance = 0.7")
+def test_finish_with_table_agrees_with_mirror(lab: Lab, dimension: str) -> None:
+    """A table of 0.7 at all angles equals a mirror of reflectance 0.7, in the plane and in space."""
+    table = with_wall(lab, "table.toml", "lab-velvet")
+    mirror = with_wall(lab, "grey.toml", "mirror", "reflectance = 0.7")
     emitter = ("--set", "emitter.pattern=lambertian", "--set", "emitter.rays=512")
     options = ("--set", f"trace.dimension={dimension}", *emitter)
-    names = (table, grey, walled(lab, "film.toml", "lab-film"))
+    names = (table, mirror, with_wall(lab, "film.toml", "lab-film"))
     trace = ("--angle-deg", "-1", "--mode", "power", *options, "--json")
-    one, other, film = (powers(lab.printed("trace", name, *trace)) for name in names)
-    assert one == pytest.approx(other, abs=1e-12)
-    assert one["absorbed"] > 0.003
+    by_table, by_mirror, film = (powers(lab.printed("trace", name, *trace)) for name in names)
+    assert by_table == pytest.approx(by_mirror, abs=1e-12)
+    assert by_table["absorbed"] > 0.003
     assert film["absorbed"] > 0.003
-    assert film["right"] != pytest.approx(one["right"], abs=1e-3)
+    assert film["right"] != pytest.approx(by_table["right"], abs=1e-3)
 
 
-def test_a_finish_is_refused_where_it_says_nothing(lab: Lab) -> None:
-    light = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
-    unknown = lab.refused("check", walled(lab, "a.toml", "lab-satin"))
-    scattering = lab.refused("check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"'))
-    other = lab.refused("trace", walled(lab, "c.toml", "lab-velvet"), *light)
+def test_refuses_unusable_finish(lab: Lab) -> None:
+    red = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
+    unknown = lab.refused("check", with_wall(lab, "a.toml", "lab-satin"))
+    scattering = lab.refused("check", with_wall(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"'))
+    wavelength = lab.refused("trace", with_wall(lab, "c.toml", "lab-velvet"), *red)
     for name in ("lab-satin", "clear", "lab-velvet"):
         assert name in unknown
     assert "wall[0].scatter" in scattering
     assert "lab-velvet" in scattering
-    assert "650 nm" in other
-    assert "800 to 900 nm" in other
-    counted = lab.printed("trace", walled(lab, "d.toml", "lab-velvet"), "--mode", "count")
+    assert "650 nm" in wavelength
+    assert "800 to 900 nm" in wavelength
+    counted = lab.printed("trace", with_wall(lab, "d.toml", "lab-velvet"), "--mode", "count")
     assert 'wall[0].finish = "lab-velvet" has no effect' in counted

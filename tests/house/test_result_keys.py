@@ -1,4 +1,4 @@
-"""One convention for the keys of results, over the JSON of every command: docs/conventions.md states it."""
+"""The keys in the JSON output of every command follow the naming convention in docs/conventions.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -14,8 +14,8 @@ min h hz
 Hz kHz percent ppm dB dBm MB bytes rows layers samples cycle slot
 """
 UNITS = tuple(_UNITS.split())
-_ONE = "|".join(UNITS)
-UNIT = re.compile(rf"(?:^|_)(?:(?:{_ONE})_)?per_(?:{_ONE})$|(?:^|_)(?:{_ONE})$")
+_ANY_UNIT = "|".join(UNITS)
+UNIT = re.compile(rf"(?:^|_)(?:(?:{_ANY_UNIT})_)?per_(?:{_ANY_UNIT})$|(?:^|_)(?:{_ANY_UNIT})$")
 PREFIXES = ("u", "interval95", "sd")
 _OPTICS = "n n_D k B abbe T R A common_n random_n substrate_n index_estimate bend scale"
 _STATISTICS = """
@@ -44,28 +44,28 @@ _PRINTS = """adjusted_share calibrated_share share_if_exact factor_alone factor_
 total held_out"""
 _NAMES = (_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT, _PRINTS, _SEARCHED)
 DIMENSIONLESS = frozenset(" ".join(_NAMES).split())
-"""Names of numbers without a unit: indices, shares from 0 to 1, contrasts, probabilities, factors."""
-OF_ALL = {"power", "slope_mrad"}
-"""Values that several names beside an uncertainty hold: powers at all receivers, slopes all along a profile."""
+"""Names of numbers without a unit: indices, fractions, contrasts, probabilities, factors."""
+SHARED = {"power", "slope_mrad"}
+"""Values whose uncertainty applies to several keys: powers at all receivers, slopes along a profile."""
 RELATIVE = {"ln_Ec", "length", "area"}
-"""Values whose uncertainty is stated relative to them, or of their logarithm."""
-OF_ROWS = {
+"""Values whose uncertainty is relative, or that of their logarithm."""
+UNITS_IN_ROW = {
     *("value", "tolerance", "u", "u_before", "u_value", "design_value", "u_prior"),
     *("paper_value", "u_paper_value", "solen_value", "u_solen_value"),
     *("mean", "sd", "u_reading", "mean_ambient", "sd_ambient", "sd_slot"),
 }
-"""Numbers of tables over parameters or channels of any unit, whose row says which."""
+"""Numbers in tables of parameters or channels, whose unit is in the same row."""
 ECHOED = {"options", "settings", "design", "file"}
-"""What was asked for and the design or datasheet of a file, by the names that options and files have."""
-CONVERTED = [name for name, place in commands().items() if result_type(place) is not None]
+"""Options, and contents of a design or datasheet, with the names that they have there."""
+WITH_RESULT = [name for name, place in commands().items() if result_type(place) is not None]
 
 Key = tuple[str, str, dict[str, Any], Mapping[str, Any]]
 
 
 def keys(schema: dict[str, Any], where: str) -> Iterator[Key]:
-    """Where, name, schema and neighbours of every key of a schema."""
-    for one in schema.get("anyOf", ()):
-        yield from keys(one, where)
+    """Yield the location, name, schema and siblings of every key of a schema."""
+    for alternative in schema.get("anyOf", ()):
+        yield from keys(alternative, where)
     if isinstance(schema.get("items"), dict):
         yield from keys(schema["items"], where)
     if isinstance(schema.get("additionalProperties"), dict):
@@ -79,54 +79,54 @@ def keys(schema: dict[str, Any], where: str) -> Iterator[Key]:
 
 
 def is_number(schema: dict[str, Any]) -> bool:
-    """Whether a key holds numbers that are no counts: alone, in lists, or null."""
+    """Whether the value of a key is a number that is not an integer, a list of these, or null."""
     kinds = [schema, *schema.get("anyOf", ())]
     kinds += [kind["items"] for kind in kinds if isinstance(kind.get("items"), dict)]
     return any("number" in (kind.get("type") or ()) for kind in kinds)
 
 
-def bare(name: str) -> str:
-    """A name without the prefix that says what of a value it is."""
+def without_prefix(name: str) -> str:
+    """A name without its prefix for an uncertainty, interval or standard deviation."""
     prefix, _, rest = name.partition("_")
     return rest if prefix in PREFIXES and rest else name
 
 
 def violations(command: str) -> list[str]:
-    found = []
-    for where, name, schema, beside in keys(result_schema(tuple(command.split())), command):
+    lines = []
+    for where, name, schema, siblings in keys(result_schema(tuple(command.split())), command):
         faults = []
-        if name in OF_ROWS:
+        if name in UNITS_IN_ROW:
             continue
-        if is_number(schema) and not UNIT.search(bare(name)) and bare(name) not in DIMENSIONLESS:
-            faults.append("a number without a unit")
+        if is_number(schema) and not UNIT.search(without_prefix(name)) and without_prefix(name) not in DIMENSIONLESS:
+            faults.append("number without a unit")
         if re.search(r".(interval95$|_interval95|_u$|(?<!_of)_u_)", name):
-            faults.append("what it is of a value is the first part of a name")
-        of = bare(name).rpartition("_")[2]
-        if bare(name) not in {name, *RELATIVE, *OF_ALL} and not any(
-            bare(other) == other and other.endswith(of) for other in beside
+            faults.append("u and interval95 must be prefixes")
+        quantity = without_prefix(name).rpartition("_")[2]
+        if without_prefix(name) not in {name, *RELATIVE, *SHARED} and not any(
+            without_prefix(other) == other and other.endswith(quantity) for other in siblings
         ):
-            faults.append(f"there is no value of {of} beside it")
+            faults.append(f"there is no value of {quantity} in the same object")
         if name == "simulated" and schema.get("type") != "boolean":
             faults.append("not a boolean")
-        found += [f"{where}.{name}: {fault}" for fault in faults]
-    return found
+        lines += [f"{where}.{name}: {fault}" for fault in faults]
+    return lines
 
 
-@pytest.mark.parametrize("command", CONVERTED)
-def test_every_key_is_described_where_it_is_read(command: str) -> None:
-    """By itself or by the object that holds it, and without sending the reader to another page."""
+@pytest.mark.parametrize("command", WITH_RESULT)
+def test_every_key_has_a_description(command: str) -> None:
+    """Objects and keys have descriptions, which do not only refer to another page."""
     schema = result_schema(tuple(command.split()))
     described = list(objects(schema))
     assert [where for where, inner in described if "description" not in inner and inner is not schema] == []
-    words = [(where, inner["description"]) for where, _, inner, _ in keys(schema, command) if "description" in inner]
-    assert [(where, text) for where, text in words if re.match(r"As in|See\b", text)] == []
+    texts = [(where, inner["description"]) for where, _, inner, _ in keys(schema, command) if "description" in inner]
+    assert [(where, text) for where, text in texts if re.match(r"As in|See\b", text)] == []
 
 
 def objects(schema: Any, where: str = "$") -> Iterator[tuple[str, dict[str, Any]]]:
-    """Schemas of objects with stated keys, at any depth."""
+    """Yield the location and schema of objects with defined keys, at any depth."""
     if isinstance(schema, list):
-        for place, part in enumerate(schema):
-            yield from objects(part, f"{where}[{place}]")
+        for index, part in enumerate(schema):
+            yield from objects(part, f"{where}[{index}]")
     if isinstance(schema, dict):
         if "properties" in schema and not where.endswith(".if"):
             yield where, schema
@@ -134,6 +134,6 @@ def objects(schema: Any, where: str = "$") -> Iterator[tuple[str, dict[str, Any]
             yield from objects(part, f"{where}.{name}")
 
 
-@pytest.mark.parametrize("command", CONVERTED)
-def test_keys_follow_the_convention(command: str) -> None:
+@pytest.mark.parametrize("command", WITH_RESULT)
+def test_keys_follow_convention(command: str) -> None:
     assert violations(command) == []

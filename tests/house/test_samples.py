@@ -1,4 +1,4 @@
-"""Sample data: complete, called simulated wherever they are read, and never copied over anything."""
+"""Sample data are complete, are reported as simulated by all readers, and never overwrite a file."""
 
 import json
 import re
@@ -15,7 +15,7 @@ from solen.samples import FOLDER, MEASURED, readme, sample, simulated_name
 from tests.command_support import refusal
 
 
-def test_every_command_that_it_names_exists_and_every_file_is_copied(tmp_path: Path) -> None:
+def test_readme_names_existing_commands_and_files(tmp_path: Path) -> None:
     copied = examples(out=tmp_path / "samples").result
     listed = re.findall(r"^\| `([^`]+)` \|.*\| `solen ([^`]+)` \|$", readme(), re.MULTILINE)
     assert len(listed) == len(MEASURED) + 5
@@ -23,22 +23,22 @@ def test_every_command_that_it_names_exists_and_every_file_is_copied(tmp_path: P
         assert (copied.folder / name).exists(), name
         assert any(command.startswith(f"{known} ") for known in commands()), command
     assert copied.count == sum(path.is_file() for path in copied.folder.rglob("*"))
-    assert {path.name for path in FOLDER.iterdir()} == {simulated_name(one.name) for one in MEASURED} | {"scene.json"}
+    assert {path.name for path in FOLDER.iterdir()} == {simulated_name(item.name) for item in MEASURED} | {"scene.json"}
 
 
-def test_a_recording_is_decoded_by_the_calibration_that_the_line_before_it_writes(
+def test_commands_in_readme_calibrate_and_decode(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     examples(out=tmp_path / "samples")
     monkeypatch.chdir(tmp_path / "samples")
-    shown = re.findall(r"`solen (bench (?:calibrate|decode) [^`]+)`", readme())
-    assert [line.split()[1] for line in shown] == ["calibrate", "decode"]
-    for line in shown:
+    lines = re.findall(r"`solen (bench (?:calibrate|decode) [^`]+)`", readme())
+    assert [line.split()[1] for line in lines] == ["calibrate", "decode"]
+    for line in lines:
         assert run_command(line.split()) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", list(dict.fromkeys(simulated_name(one.name) for one in MEASURED)))
-def test_a_measurement_is_called_simulated_by_what_reads_it(name: str) -> None:
+@pytest.mark.parametrize("name", list(dict.fromkeys(simulated_name(item.name) for item in MEASURED)))
+def test_readers_report_samples_as_simulated(name: str) -> None:
     path = FOLDER / name
     if path.suffix == ".csv":
         assert sample(name).startswith(b"# simulated")
@@ -50,7 +50,7 @@ def test_a_measurement_is_called_simulated_by_what_reads_it(name: str) -> None:
     assert path.stat().st_size < 130_000
 
 
-def test_nothing_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_refuses_to_overwrite_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "sensor.toml").write_text("mine", encoding="utf-8")
     assert "sensor.toml" in refusal(capsys, tmp_path, "project", "examples", "--out", str(tmp_path))
     assert run_command(["project", "examples", "--out", str(tmp_path / "new")]) == 0

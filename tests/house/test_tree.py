@@ -1,4 +1,4 @@
-"""Habits of the whole tree: what its text may name, what its modules may import."""
+"""Rules for all files of the repository: names in their text, and imports of modules."""
 
 import ast
 import re
@@ -32,7 +32,7 @@ POSIX_NAMES = {
 
 
 def tracked() -> list[Path]:
-    """Files that git tracks or would track; the test that asks is skipped outside a clone."""
+    """Files that git tracks or would track; the test is skipped outside a clone."""
     git = shutil.which("git")
     if git is None or not (ROOT / ".git").exists():
         pytest.skip("not a clone of the project, or no git")
@@ -42,7 +42,7 @@ def tracked() -> list[Path]:
 
 
 def text_of(path: Path) -> str:
-    """The file's text; empty for what is not UTF-8."""
+    """Text of a file; empty if it is not UTF-8."""
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
@@ -58,61 +58,61 @@ def offending(pattern: re.Pattern[str]) -> list[str]:
     ]
 
 
-def test_no_file_names_a_package_registry() -> None:
+def test_no_file_names_package_registry() -> None:
     assert offending(REGISTRIES) == []
 
 
-def test_no_file_names_a_path_of_one_machine() -> None:
+def test_no_file_names_machine_path() -> None:
     assert offending(MACHINE_PATHS) == []
 
 
 @pytest.mark.parametrize("text", ["cd /" + "work/main", '"/' + 'home/ada/x"', "C:" + "\\Users\\ada", "(/" + "opt/y)"])
-def test_paths_of_one_machine_are_recognised(text: str) -> None:
+def test_recognises_machine_path(text: str) -> None:
     assert MACHINE_PATHS.search(text)
 
 
 @pytest.mark.parametrize("text", ["https://example.org/work/1", "a/home/b/c", "../work/x", "~/opt/x"])
-def test_other_paths_are_left_alone(text: str) -> None:
+def test_accepts_other_path(text: str) -> None:
     assert not MACHINE_PATHS.search(text)
 
 
 def posix_only(source: str) -> list[str]:
-    """Names in ``source`` that only POSIX systems have."""
-    found: list[str] = []
+    """Names in source code that exist only on POSIX systems."""
+    names_found: list[str] = []
     for node in ast.walk(ast.parse(source)):
         match node:
             case ast.Import(names=names):
-                found += [alias.name for alias in names if alias.name.partition(".")[0] in POSIX_MODULES]
+                names_found += [alias.name for alias in names if alias.name.partition(".")[0] in POSIX_MODULES]
             case ast.ImportFrom(module=str(module), level=0, names=names):
-                found += [module] if module.partition(".")[0] in POSIX_MODULES else []
-                found += [name for alias in names if (name := f"{module}.{alias.name}") in POSIX_NAMES]
+                names_found += [module] if module.partition(".")[0] in POSIX_MODULES else []
+                names_found += [name for alias in names if (name := f"{module}.{alias.name}") in POSIX_NAMES]
             case ast.Attribute(value=ast.Name(id=owner), attr=attr) if f"{owner}.{attr}" in POSIX_NAMES:
-                found.append(f"{owner}.{attr}")
+                names_found.append(f"{owner}.{attr}")
             case _:
                 pass
-    return found
+    return names_found
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_library_uses_nothing_that_only_posix_has(path: Path) -> None:
+def test_library_uses_no_posix_only_name(path: Path) -> None:
     assert posix_only(path.read_text(encoding="utf-8")) == []
 
 
-def test_posix_only_names_are_recognised() -> None:
+def test_recognises_posix_only_names() -> None:
     source = "import os, fcntl\nfrom signal import SIGALRM, SIGINT\nos.fork()\nos.fsync(0)\nfrom . import resource\n"
     assert sorted(posix_only(source)) == ["fcntl", "os.fork", "signal.SIGALRM"]
 
 
-def test_imports_follow_the_order_of_the_stages() -> None:
+def test_imports_follow_order_of_stages() -> None:
     program = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
-    assert program is not None, "import-linter is not installed beside this Python"
+    assert program is not None, "import-linter is not installed in this environment"
     done = subprocess.run(
         [program, "--no-cache"], cwd=ROOT, capture_output=True, text=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_citation_names_the_software_and_the_paper() -> None:
+def test_citation_names_software_and_paper() -> None:
     citation: dict[str, Any] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert {"cff-version", "message", "title", "authors", "version", "license"} <= citation.keys()
     assert str(citation["cff-version"]) == "1.2.0"
@@ -121,7 +121,7 @@ def test_citation_names_the_software_and_the_paper() -> None:
     assert [author["family-names"] for author in paper["authors"]] == ["Cafiso", "Trunin", "Gay", "Beccai"]
 
 
-def test_version_is_reported_once() -> None:
+def test_versions_agree() -> None:
     import solen
 
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
@@ -130,7 +130,7 @@ def test_version_is_reported_once() -> None:
 
 
 def private_names(path: Path) -> list[str]:
-    """Names with a leading underscore that a file takes from solen: imported, or as attributes of what it imported."""
+    """Private names of solen that a file imports, or uses as attributes of imported names."""
     tree, names, modules = ast.parse(path.read_text(encoding="utf-8")), [], set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "solen":
@@ -143,13 +143,13 @@ def private_names(path: Path) -> list[str]:
     return names
 
 
-def test_no_test_takes_a_private_name() -> None:
+def test_no_test_uses_private_name() -> None:
     files = sorted((ROOT / "tests").rglob("*.py"))
-    taken = {path.relative_to(ROOT).as_posix(): names for path in files if (names := private_names(path))}
-    assert taken == {}
+    private = {path.relative_to(ROOT).as_posix(): names for path in files if (names := private_names(path))}
+    assert private == {}
 
 
-def test_a_result_is_a_dataclass_by_deriving_alone() -> None:
-    """A decorator would make it refuse changes in the words of dataclasses, without a remedy."""
+def test_results_are_not_decorated_as_dataclasses() -> None:
+    """With a decorator, assigning to a field would raise the error of dataclasses, which has no remedy."""
     decorated = re.compile(r"^@dataclass\(.*repr=False.*\)\nclass \w+\((?!ABC)", re.MULTILINE)
     assert [path.relative_to(ROOT).as_posix() for path in SOURCES if decorated.search(text_of(path))] == []

@@ -21,7 +21,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         (
             "check",
             "design.check:check",
-            "Check whether a design can be built at every angle of its motion, or check a scene.",
+            "Check a design at every angle of its motion, or check a scene.",
         ),
         ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
@@ -92,7 +92,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         (
             "tolerance",
             "explore.tolerance:tolerance",
-            "Trace random variations of a print: yield, and the parameters that reduce it most.",
+            "Trace random variations of a print: yield, and the parameters that limit it.",
         ),
         ("optimise", "explore.optimise:optimise", "Search for the design parameters that optimise a figure of merit."),
     ),
@@ -107,7 +107,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         (
             "reproduce",
             "project.reproduce:reproduce",
-            "Reproduce the figures of the paper, and compare its values with those computed by solen.",
+            "Reproduce the figures of the paper, and compare its values with those of solen.",
         ),
     ),
 }
