@@ -1,13 +1,13 @@
-"""Writes the pages of the Python reference, one for each module of the package, from the tree as it is."""
+"""Write the pages of the Python reference, one for each module of the package."""
 
 import pkgutil
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
-ROOMS = {
-    "ground": (
-        "The ground",
+PARTS = {
+    "basics": (
+        "Basics",
         ("errors", "units", "plane", "arrays", "progress", "files", "extras", "registry", "results", "ranks"),
     ),
     "curve": ("Curves and interfaces", ("curve", "interface")),
@@ -30,30 +30,30 @@ ROOMS = {
     "archive": ("Archives of sensors", ("archive",)),
     "report": ("Figures", ("report",)),
 }
-"""Rooms in the order of the stages: page, title, modules."""
-WHOLE = ("solen.curve", "solen.sensor")
-"""Packages whose names are documented where they are imported from rather than where they are defined."""
-INNER = ("solen.trace.kernel", "solen.recording", "solen.scene.rayoptics", "solen.geometry.drawing", "solen.report")
-"""Packages of which only the package itself is part of the reference, and the modules of `OPEN`."""
+"""Parts of the package in the order of the stages: page, title, modules."""
+RE_EXPORTING = ("solen.curve", "solen.sensor")
+"""Packages whose names are documented on the page of the package rather than of the module that defines them."""
+CLOSED = ("solen.trace.kernel", "solen.recording", "solen.scene.rayoptics", "solen.geometry.drawing", "solen.report")
+"""Packages whose modules are not part of the reference, except those in `OPEN`."""
 OPEN = (
     *(f"solen.recording.{name}" for name in ("reader", "model", "spectrum", "grid", "source", "stimulus")),
     *("solen.scene.rayoptics.importer", "solen.geometry.drawing.model", "solen.report.design.figures"),
 )
-LEFT_OUT = {
+EXCLUDED = {
     "solen.recording.model": "metadata, texts",
     "solen.readout.circuit": "named_part",
     "solen.fabricate.threemf": "Pieces",
 }
-"""Members that are no part of the reference, by module."""
+"""Members that are not part of the reference, keyed by module."""
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages into a folder; one that is as it should be is left alone, so that it is not built again."""
+    """Write all pages to a folder; unchanged pages are not written, so that Sphinx does not rebuild them."""
     folder.mkdir(exist_ok=True)
     pages = {"index": index_page()}
-    for room, (title, packages) in ROOMS.items():
+    for part, (title, packages) in PARTS.items():
         names = [name for package in packages for name in modules(f"solen.{package}")]
-        pages |= {room: room_page(title, names)} | {name: module_page(name, room, title) for name in names}
+        pages |= {part: part_page(title, names)} | {name: module_page(name, part, title) for name in names}
     for path in folder.glob("*.md"):
         if path.stem not in pages:
             path.unlink()
@@ -64,35 +64,35 @@ def write_pages(folder: Path) -> None:
 
 
 def index_page() -> str:
-    """The first page: the package, and the rooms in the order of the stages."""
-    names = "\n".join(ROOMS)
+    """Return the first page: the package, and its parts in the order of the stages."""
+    names = "\n".join(PARTS)
     return (
         "# Python interface\n\n```{eval-rst}\n.. automodule:: solen\n```\n\n"
-        "Modules by the stages of the chain: each imports only those above it here.\n\n"
+        "Modules in the order of the stages: each imports only modules of parts listed above it.\n\n"
         f"```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
     )
 
 
-def room_page(title: str, names: list[str]) -> str:
-    """Modules of a room, each with the first sentence of its text."""
+def part_page(title: str, names: list[str]) -> str:
+    """Return the page of a part: its modules, each with the first sentence of its docstring."""
     rows = "\n".join(f"- :mod:`{name}`: {first_sentence(name)}" for name in names)
     return f"# {title}\n\n```{{eval-rst}}\n{rows}\n```\n"
 
 
 def first_sentence(name: str) -> str:
-    """First sentence of a module's text, in one line."""
+    """Return the first sentence of the docstring of a module, in one line."""
     text = " ".join((import_module(name).__doc__ or "").split("\n\n")[0].split())
     return text.partition(". ")[0].removesuffix(".") + "."
 
 
-def module_page(name: str, room: str, title: str) -> str:
-    """Page of one module, which its room's page links to."""
-    return f"---\norphan: true\n---\n\n# {name}\n\n[{title}]({room}.md)\n\n```{{eval-rst}}\n{block(name)}```\n"
+def module_page(name: str, part: str, title: str) -> str:
+    """Return the page of a module, to which the page of its part links."""
+    return f"---\norphan: true\n---\n\n# {name}\n\n[{title}]({part}.md)\n\n```{{eval-rst}}\n{block(name)}```\n"
 
 
 def modules(name: str) -> Iterator[str]:
-    """A module and what is below it, as far as it is part of the reference."""
-    if name in OPEN or not any(name.startswith(f"{inner}.") for inner in INNER):
+    """Yield a module and the modules within it, as far as they are part of the reference."""
+    if name in OPEN or not any(name.startswith(f"{package}.") for package in CLOSED):
         yield name
     for _, inner, _ in pkgutil.iter_modules(getattr(import_module(name), "__path__", ())):
         if not inner.startswith("_"):
@@ -100,20 +100,20 @@ def modules(name: str) -> Iterator[str]:
 
 
 def block(name: str) -> str:
-    """Directive for one module: a package by its text alone, a module with its members."""
+    """Return the directive of a module: a package with its docstring only, a module with its members."""
     module = import_module(name)
-    whole = next((one for one in WHOLE if name == one or name.startswith(f"{one}.")), None)
+    package = next((candidate for candidate in RE_EXPORTING if f"{name}.".startswith(f"{candidate}.")), None)
     lines = [f".. automodule:: {name}"]
-    if name == whole or not hasattr(module, "__path__"):
+    if name == package or not hasattr(module, "__path__"):
         lines += ["   :members:", "   :show-inheritance:"]
-        if left := ", ".join(filter(None, (LEFT_OUT.get(name), *elsewhere(name, whole)))):
-            lines.append(f"   :exclude-members: {left}")
+        if excluded := ", ".join(filter(None, (EXCLUDED.get(name), *documented_elsewhere(name, package)))):
+            lines.append(f"   :exclude-members: {excluded}")
     return "\n".join(lines) + "\n"
 
 
-def elsewhere(name: str, whole: str | None) -> list[str]:
-    """Names of a module that its package documents, and names of a package that are also those of its modules."""
-    if whole is None:
+def documented_elsewhere(name: str, package: str | None) -> list[str]:
+    """Return the names of a module that its package documents, or the names of a package that are its modules."""
+    if package is None:
         return []
-    inner = {one.name for one in pkgutil.iter_modules(import_module(whole).__path__)}
-    return [one for one in import_module(whole).__all__ if (one in inner) == (name == whole)]
+    inner = {module.name for module in pkgutil.iter_modules(import_module(package).__path__)}
+    return [public for public in import_module(package).__all__ if (public in inner) == (name == package)]

@@ -1,4 +1,4 @@
-"""Sphinx configuration; built strictly by ``make docs``, offline."""
+"""Sphinx configuration; ``make docs`` builds the pages offline and treats warnings as errors."""
 
 import copy
 import functools
@@ -21,7 +21,7 @@ from command_pages import reference
 
 write_pages(Path(__file__).parent / "api")
 
-gc.set_threshold(200_000, 50, 1000)  # a build allocates millions of nodes; collecting less often saves a fifth of it
+gc.set_threshold(200_000, 50, 1000)  # a build allocates millions of nodes; this saves a fifth of its time
 
 project = "solen"
 author = "The solen maintainers"
@@ -37,54 +37,59 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
-toc_object_entries = False  # some 10,000, which every page's navigation would be made from
+toc_object_entries = False  # otherwise the navigation of every page is built from some 10,000 entries
 napoleon_google_docstring = False
 napoleon_use_param = False
 napoleon_use_rtype = False
 
-# Every cross-reference must resolve. Those to other projects cannot: their inventories would have to be downloaded.
+# Every cross-reference must resolve, except those to other projects, whose inventories would have to be downloaded.
 nitpicky = True
-OTHERS = "abc annotated_types collections enum matplotlib numpy np npt os pathlib pydantic pydantic_core shapely typing"
-OTHERS += " ast datetime decimal functools importlib re tifffile types xarray xr"
+OTHER_PROJECTS = (
+    "abc annotated_types collections enum matplotlib numpy np npt os pathlib pydantic pydantic_core shapely typing"
+)
+OTHER_PROJECTS += " ast datetime decimal functools importlib re tifffile types xarray xr"
 nitpick_ignore_regex = [
-    (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
+    (r"py:.*", rf"({OTHER_PROJECTS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
     (r"py:.*", r"(solen\..*\.)?[KLPRT]"),  # type variables
-    (r"py:class", r"solen\.ranks\.Caution|Sampler"),  # names of types, which are documented as data
-    (r"py:class", r"solen\.recording\.words\.Heading"),  # of a package whose inner modules have no page
+    (r"py:class", r"solen\.ranks\.Caution|Sampler"),  # type aliases, which are documented as data
+    (r"py:class", r"solen\.recording\.words\.Heading"),  # in a module without a page
     (r"py:.*", r"solen\..*\._\w+"),
     (r"py:.*", r"solen\.(trace\.kernel|scene\.rayoptics\.fields)\..*"),
     (
         r"py:.*",
         r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|PydanticUndefined|inf|-?[\d.]+(e[-+]?\d+)?",
-    ),  # limits and defaults of a field
-    (r"py:class", r"(list|dict|tuple)\[\w+(\[\w+)?|array"),  # types of fields with a factory, cut at their first comma
+    ),  # limits and defaults of fields
+    (
+        r"py:class",
+        r"(list|dict|tuple)\[\w+(\[\w+)?|array",
+    ),  # types of fields with a factory, truncated at the first comma
 ]
 
-suppress_warnings = ["ref.python"]  # two classes of one name, in rooms apart
+suppress_warnings = ["ref.python"]  # classes of the same name in different packages
 
 find_obj, local_toctree = PythonDomain.find_obj, StandaloneHTMLBuilder._get_local_toctree
 
 
 @functools.cache
 def by_last_word(domain: PythonDomain) -> dict[str, dict[str, Any]]:
-    """Documented objects by the last word of their names."""
-    words: dict[str, dict[str, Any]] = {}
+    """Return the documented objects, keyed by the last part of their names."""
+    by_word: dict[str, dict[str, Any]] = {}
     for name, entry in domain.objects.items():
-        words.setdefault(name.rpartition(".")[2], {})[name] = entry
-    return words
+        by_word.setdefault(name.rpartition(".")[2], {})[name] = entry
+    return by_word
 
 
 @functools.cache
-def find_among_few(domain: PythonDomain, env: Any, module: str, inside: str, name: str, *kind: Any) -> list[Any]:
-    """What a name refers to; Sphinx would read all names for each search by a name's end, a sixth of the build."""
-    few = copy.copy(domain)
-    few.data = {"objects": by_last_word(domain).get(name.removesuffix("()").rpartition(".")[2], {})}
-    return find_obj(few, env, module, inside, name, *kind)
+def find_by_last_word(domain: PythonDomain, env: Any, module: str, inside: str, name: str, *kind: Any) -> list[Any]:
+    """Find an object among those with the same last part; searching all names takes a sixth of the build time."""
+    candidates = copy.copy(domain)
+    candidates.data = {"objects": by_last_word(domain).get(name.removesuffix("()").rpartition(".")[2], {})}
+    return find_obj(candidates, env, module, inside, name, *kind)
 
 
-def tree_once(builder: StandaloneHTMLBuilder, page: str, **kwargs: Any) -> str:
-    """Navigation of a page; of pages outside it one for each folder, as Sphinx would make it for each."""
+def cached_toctree(builder: StandaloneHTMLBuilder, page: str, **kwargs: Any) -> str:
+    """Return the navigation of a page; pages outside the navigation share one per folder."""
     if "orphan" not in builder.env.metadata[page]:
         return local_toctree(builder, page, **kwargs)
     folder = page.rpartition("/")[0]
@@ -94,8 +99,8 @@ def tree_once(builder: StandaloneHTMLBuilder, page: str, **kwargs: Any) -> str:
 
 
 TREES: dict[str, str] = {}
-PythonDomain.find_obj = find_among_few
-StandaloneHTMLBuilder._get_local_toctree = tree_once
+PythonDomain.find_obj = find_by_last_word
+StandaloneHTMLBuilder._get_local_toctree = cached_toctree
 
 
 BAR = re.compile(r"(`+[^`]*`+)|\|")
@@ -105,28 +110,28 @@ html_static_path = ["_static"]
 html_css_files = ["cards.css"]
 html_title = f"solen {release}"
 html_search_scorer = str(Path(__file__).parent / "scorer.js")
-html_use_index = False  # one page of 1 MB, which the search does better
+html_use_index = False  # a page of 1 MB; the search replaces it
 
 
 def setup(app: Sphinx) -> None:
-    """Pages of commands, and three readings of docstrings and signatures that autodoc and napoleon would get wrong."""
-    whole: dict[str, list[str]] = {}
+    """Complete the pages of commands, and correct effects of autodoc and napoleon on docstrings and signatures."""
+    originals: dict[str, list[str]] = {}
 
     def before_napoleon(_app: Sphinx, what: str, name: str, _obj: object, _options: object, lines: list[str]) -> None:
-        """Keep an attribute's text from napoleon, which takes the words before a colon in it for a type."""
+        """Hide the docstring of an attribute from napoleon, which would read the words before a colon as a type."""
         if what in {"attribute", "data", "property"}:
-            whole[name], lines[:] = lines[:], []
+            originals[name], lines[:] = lines[:], []
 
     def after_napoleon(_app: Sphinx, _what: str, name: str, _obj: object, _options: object, lines: list[str]) -> None:
-        """Let bars outside code be bars: in these texts they mean an absolute value or a length."""
-        lines[:] = [BAR.sub(lambda found: found[1] or r"\|", line) for line in whole.pop(name, lines)]
+        """Escape bars outside code, which mean an absolute value or a norm."""
+        lines[:] = [BAR.sub(lambda match: match[1] or r"\|", line) for line in originals.pop(name, lines)]
 
     def signature(_app: Sphinx, what: str, _name: str, obj: object, *_: object) -> tuple[str, str] | None:
-        """Tables of the design file are told of on their own page; their signature would repeat them."""
+        """Shorten the signatures of tables of the design file, which have a page of their own."""
         return ("(**values)", "") if what == "class" and isinstance(obj, type) and issubclass(obj, Strict) else None
 
     def with_reference(_app: Sphinx, page: str, source: list[str]) -> None:
-        """Complete the page of a command; the list of commands links to it, so the navigation need not."""
+        """Complete the page of a command, which is outside the navigation: the list of commands links to it."""
         folder, _, command = page.rpartition("/")
         if folder == "commands":
             title, _, text = source[0].partition("\n")

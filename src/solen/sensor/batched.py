@@ -31,7 +31,7 @@ MIN_RAYS = 16
 class Responses(NamedTuple):
     """Responses of D sensors with K chips at A angles.
 
-    Attributes
+    Parameters
     ----------
     right, left
         Power (D, K, A) at each receiver, as a fraction of the power emitted by the chip.
