@@ -286,9 +286,9 @@ SAMPLINGS = [
         (["sensitivity", "sensor.toml", "--angle-deg", "90"], "--angle-deg = 90.0"),
         (["sensitivity", "sensor.toml", "bogus"], "bogus; unknown key"),
         (["sensitivity", "sensor.toml", "lens.bogus"], "lens.bogus; unknown key"),
-        (["sensitivity", "sensor.toml", "emitter.rays"], "emitter.rays = 100; must be a real number"),
-        (["sensitivity", "sensor.toml", "lens.shape"], "must be a real number"),
-        (["sensitivity", "sensor.toml", "lens.design_index"], "follows from the material's index; omit it"),
+        (["sensitivity", "sensor.toml", "emitter.rays"], "emitter.rays = 100; "),
+        (["sensitivity", "sensor.toml", "lens.shape"], "real number"),
+        (["sensitivity", "sensor.toml", "lens.design_index"], "lens.design_index; "),
         (["sensitivity", "sensor.toml", "lens.focus_mm", "receivers.gap_mm"], "has no air gap; omit it"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "0"], "--tolerance-mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "nan"], "--tolerance-mm"),
@@ -299,7 +299,7 @@ SAMPLINGS = [
         (["new", "sensor.toml"], "cannot be written"),
         (["new", "sensor.toml/x"], "cannot be written"),
     ],
-    ids=" ".join,
+    ids=lambda value: value if isinstance(value, str) else " ".join(value),
 )
 def test_refuses_invalid_option(refused: Refusal, arguments: list[str], message: str) -> None:
     assert message in refused(*arguments)
@@ -309,7 +309,9 @@ def test_sensitivity_requires_converged_integral(refused: Refusal, monkeypatch: 
     """The limit on rays is reduced here; light that leaks from an air gap reaches the real limit only after seconds."""
     monkeypatch.setattr("solen.sensor.derivatives.MAX_LEGS", 4000)
     gap = ("--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5")
-    assert "the integral must reach 1e-09; try another angle" in refused("sensitivity", "sensor.toml", *gap)
+    line = refused("sensitivity", "sensor.toml", *gap)
+    assert "1e-09" in line
+    assert "another angle" in line
 
 
 @pytest.mark.parametrize("name", FILE_COMMANDS)

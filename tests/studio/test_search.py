@@ -22,14 +22,14 @@ index = 1.44
 [motion]
 step_deg = 3.0
 [emitter]
-width_mm = 0.2
+width_mm = 0.0
 """
 REQUEST = SearchRequest(
     minimise=("abs(null_deg)",),
     maximise=("light",),
     free=("emitter.offset_mm=-0.03:0.03", "lens.focus_mm=15:25"),
     front=3,
-    evaluations=30,
+    evaluations=60,
 )
 
 
