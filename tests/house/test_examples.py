@@ -269,7 +269,7 @@ def test_own_outline_agrees_with_reference_tracer() -> None:
     sobol, u, lattice = result("own_outline")
     assert abs(sobol - lattice) < 4 * u
     scene = runpy.run_path(str(ROOT / "examples" / "own_outline.py"))["drop"]()
-    reference = trace_reference(replace(scene, sources=(scene.sources[0].with_rays(1500),)), "power")
+    reference = trace_reference(replace(scene, sources=(scene.sources[0].with_rays(400),)), "power")
     assert lattice == pytest.approx(reference.detectors["screen"].power, abs=4e-3)
 
 

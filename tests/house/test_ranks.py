@@ -15,10 +15,12 @@ FROM_FILES = {"recording/model.py", "recording/spectrum.py", "material/resin.py"
 """Modules that read warnings with their ranks from files or channels."""
 
 
-def nodes() -> Iterator[tuple[str, ast.AST]]:
+def nodes(word: str) -> Iterator[tuple[str, ast.AST]]:
+    """The file and the node for every node of the syntax trees of files that contain a word."""
     root = Path(inspect.getfile(solen)).parent
     for path in (file for folder in RANKED for file in (root / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if word in text else ():
             yield path.relative_to(root).as_posix(), node
 
 
@@ -26,7 +28,7 @@ def test_warnings_of_measurements_and_prints_have_a_rank() -> None:
     """Fields and functions named warnings are of type `Caution`, which only the functions of `solen.ranks` create."""
     kinds = [
         (file, ast.unparse(kind))
-        for file, node in nodes()
+        for file, node in nodes("warnings")
         if isinstance(node, ast.AnnAssign | ast.FunctionDef)
         and (node.name if isinstance(node, ast.FunctionDef) else ast.unparse(node.target)) in {"warnings", "_warnings"}
         and (kind := node.returns if isinstance(node, ast.FunctionDef) else node.annotation) is not None
@@ -34,7 +36,8 @@ def test_warnings_of_measurements_and_prints_have_a_rank() -> None:
     assert len(kinds) > 30
     strings = {"material/resin.py", "material/dispersion.py", "material/result_files.py"}
     assert not [(file, kind) for file, kind in kinds if "Caution" not in kind and file not in strings]
-    creating = {file for file, node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "Caution"}
+    calls = [(file, node.func) for file, node in nodes("Caution(") if isinstance(node, ast.Call)]
+    creating = {file for file, function in calls if isinstance(function, ast.Name) and function.id == "Caution"}
     assert creating == FROM_FILES
 
 
