@@ -1,6 +1,6 @@
 """A scene that is not a Y sensor: a parabolic mirror collimates light, and a ball lens focuses it on a receiver.
 
-The emitter is at the focus of the mirror, so the reflected light is parallel to the x axis, at a height around that of
+The emitter is at the focus of the mirror, so the reflected light is parallel to the x axis, centred at the height of
 the ball. The ball focuses it to a spot, blurred by spherical aberration; a second receiver, around the first one,
 collects the blur.
 """

@@ -64,7 +64,7 @@ def select_figures(names: Sequence[str], requests: Sequence[str]) -> tuple[str, 
     Raises
     ------
     SpecError
-        If the paper has no such figure that software can make.
+        If the paper has no such figure, or it cannot be computed.
     """
     selected: set[str] = set()
     for requested in requests:

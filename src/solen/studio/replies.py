@@ -48,7 +48,7 @@ class View(Strict):
 
 
 class PageRequest(Strict):
-    """A request from a page: a change of view or design, or an order."""
+    """A request from a page: a change of view or design, or an action such as undo or save."""
 
     id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the reply repeats.")
     view: View | None = Field(None, description="New view of the design.")

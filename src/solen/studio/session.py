@@ -158,7 +158,7 @@ class Session:
         )
 
     def _carry_out(self, request: PageRequest) -> bool:
-        """Carry out an order; return whether the file was saved."""
+        """Carry out an action; return whether the file was saved."""
         document = self.document
         if request.do in {"undo", "redo"}:
             document.step(-1 if request.do == "undo" else 1)

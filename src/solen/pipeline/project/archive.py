@@ -18,7 +18,7 @@ def pack(
     options: Annotated[PackOptions, FLAT],
     progress: ProgressBar = None,
 ) -> Outcome[Archive]:
-    """Pack a design and everything that belongs to its sensor into one described archive.
+    """Pack a design and everything that belongs to its sensor into an archive with a description.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The figures of the paper that software can make, and a page that compares its statements with solen."""
+"""The figures of the paper that can be computed, and a page that compares its statements with solen."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The figures of the paper that software can make, in their order there; each group has a module."""
+"""The figures of the paper that can be computed, in the order of the paper; each group has a module."""
 
 from solen.pipeline.project.paper import bench, prints, resin, robot, rotation
 from solen.pipeline.project.paper.model import Made, PaperFigure, Picture
