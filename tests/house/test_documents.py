@@ -1,10 +1,10 @@
-"""Every code block of the pages, executed or checked: in order, in an empty folder, with what it shows compared.
+"""Code blocks of the pages are executed or checked in order, in an empty folder, and their output is compared.
 
-Commands of solen are run, and what stands under ``$ solen ...`` is what each must print; ``...`` on a line of its own
-stands for any lines, within a line for any part of it. Python is executed, and the ``text`` that follows is what it
-prints; other ``text`` is refusals, in solen's words. TOML and JSON are read as the file that their keys say. Files that
-a page takes for granted are simulated (`page_files.py`). A comment ``<!-- not run: reason -->`` before a block leaves
-its commands and options to the parser.
+Commands of solen are run, and the lines below ``$ solen ...`` are compared with their output; ``...`` on a separate
+line matches any lines, and within a line any text. Python is executed, and the ``text`` that follows is compared with
+its output; other ``text`` contains error messages of solen. TOML and JSON are read as the files that their keys
+determine. Files that a page assumes are simulated (`page_files.py`). With a comment ``<!-- not run: reason -->`` before
+a block, its commands are only parsed.
 """
 
 import contextlib
@@ -49,15 +49,15 @@ NOT_RUN = {
     "sets a computer up": 6,
     "takes too long": 22,
 }
-"""Why a block is not run, and how many blocks say so."""
+"""Reasons why blocks are not run, and the number of these blocks."""
 LESS = {
     "solen explore sweep": ["--rays", "256"],
     "solen explore tolerance": ["--rays", "256", "--prints", "32"],
     "solen run": ["--set", "trace.dimension=2d", "--set", "motion.step_deg=3"],
 }
-"""Options that are added to a command that shows nothing of what it prints: the same with fewer rays or samples."""
+"""Options added to commands whose output is not shown, so that they trace fewer rays or samples."""
 OTHERS = {"docs/gallery.md"}
-"""Pages that other tests hold: `test_examples.py`."""
+"""Pages that other tests check: `test_examples.py`."""
 PAGES = [page for page in pages() if page not in OTHERS and blocks((ROOT / page).read_text(encoding="utf-8"))]
 ELSEWHERE = {command.partition(" #")[0].strip() for figure in FIGURES for command in figure.commands} | {
     "solen completion",
@@ -68,7 +68,7 @@ ELSEWHERE = {command.partition(" #")[0].strip() for figure in FIGURES for comman
 
 
 def printed_by(command: list[str]) -> str:
-    """What a command prints, stdout and stderr, whatever it ends with."""
+    """Output of a command on stdout and stderr, regardless of its exit code."""
     with io.StringIO() as text, contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
         run_command(command)
         return text.getvalue().replace(os.sep, "/")  # a page shows paths as most systems write them
@@ -76,14 +76,14 @@ def printed_by(command: list[str]) -> str:
 
 @cache
 def simulated(command: tuple[str, ...], design: str) -> str:
-    """What ``solen run`` prints of a design; two pages show the same run."""
+    """Output of ``solen run`` for a design; two pages show the same run."""
     assert design
     return printed_by(list(command))
 
 
 @pytest.fixture(scope="module", autouse=True)
 def shared() -> Iterator[None]:
-    """What several pages trace of one design is traced once; figures have few pixels."""
+    """Traces of the same design on several pages are computed once, and figures have few pixels."""
     with pytest.MonkeyPatch.context() as patch:
         traced, of = sensors.traced, Response.of
         kept: dict[str, Any] = {}
@@ -101,7 +101,7 @@ def shared() -> Iterator[None]:
 
 
 def understood(words: list[str]) -> None:
-    """Refuse a command line that the parser refuses; files that it names need not exist."""
+    """Parse a command line, and raise the error of the parser; files that it names need not exist."""
     try:
         app.parse_args(words, exit_on_error=False, print_error=False)
     except DataError as bad:
@@ -110,7 +110,7 @@ def understood(words: list[str]) -> None:
 
 
 def ran(page: str, line: str, shown: list[str]) -> list[str]:
-    """Lines that a command line prints; `AssertionError` where it is not one that can be run."""
+    """Lines that a command line prints; `AssertionError` if it cannot be run."""
     words = words_of(line)
     match words:
         case ["cd", folder]:
@@ -132,7 +132,7 @@ def ran(page: str, line: str, shown: list[str]) -> list[str]:
                     patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))
                 return printed_by([*rest, *less]).splitlines()
         case _:
-            raise AssertionError(f"{line} is no command that a test runs")
+            raise AssertionError(f"{line} cannot be run by a test")
     return []
 
 
@@ -144,7 +144,7 @@ def run_python(code: str, names: dict[str, Any]) -> list[str]:
 
 
 def parsed(block: Block) -> None:
-    """What holds of a block that is not run: commands and options exist, Python is Python."""
+    """Check a block that is not run: its commands and options must exist, or its Python code must compile."""
     if block.language == "python":
         compile(block.text, "page", "exec")
     for line, _ in commands(block) if block.language in {"sh", "console"} else ():
@@ -154,7 +154,7 @@ def parsed(block: Block) -> None:
 
 
 def check(page: str, block: Block, names: dict[str, Any], printed: list[str] | None) -> list[str] | None:
-    """Run or check one block; lines that it printed, if it was Python."""
+    """Run or check a block; return the lines that it printed if it is Python."""
     where = f"{page}, line {block.line}"
     if block.not_run is not None:
         parsed(block)
@@ -178,7 +178,7 @@ def check(page: str, block: Block, names: dict[str, Any], printed: list[str] | N
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_page_does_what_it_says(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_is_correct(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     printed: list[str] | None = None
@@ -186,7 +186,7 @@ def test_a_page_does_what_it_says(page: str, tmp_path: Path, monkeypatch: pytest
         printed = check(page, block, names, printed)
 
 
-def test_blocks_that_are_not_run_are_few_and_say_why() -> None:
+def test_blocks_that_are_not_run_have_known_reasons() -> None:
     found = Counter(
         block.not_run
         for page in PAGES
@@ -210,5 +210,5 @@ def test_blocks_that_are_not_run_are_few_and_say_why() -> None:
         (["b"], ["a 1", "b"], False),
     ],
 )
-def test_lines_are_compared(shown: list[str], printed: list[str], same: bool) -> None:
+def test_compares_lines(shown: list[str], printed: list[str], same: bool) -> None:
     assert (differences(shown, printed) == "") is same

@@ -1,6 +1,6 @@
-"""Every command once, on small files: what it prints fits its schema, and a result that has a figure is drawn.
+"""Every command is run once, on small files: its output fits its schema, and its figure can be drawn.
 
-The commands run in the order of a workshop, so that later ones read what earlier ones wrote.
+The commands run in an order in which later ones read files that earlier ones wrote.
 """
 
 import inspect
@@ -42,26 +42,26 @@ EXTRA = {
     "run #network": "hand.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
     "trace #scene": "scene.json --mode power --figure scene.svg",
 }
-"""Further arguments of commands; after # what tells two of one command apart."""
+"""Arguments of further calls; the part of the key after # distinguishes calls of the same command."""
 CALLS = {name: call for name, call in calls().items() if result_type(commands()[name]) is not None}
 ROWS = {name: arguments for name, (arguments, _) in CALLS.items()} | {
     row: [*row.partition(" #")[0].split(), *arguments.split()] for row, arguments in EXTRA.items()
 }
 """Command lines: the calls on the pages of docs/commands, and further ones."""
 SHORTENED = {"run", "bench check", "bench watch", "bench run", "bench recordings", "bench diagnose"}
-"""Commands that print something else here, where less is traced."""
+"""Commands whose output differs here, because less is traced."""
 
 
 @dataclass
-class Answer:
-    """What a command printed with ``--json``, its outcome, and the lines that it prints without."""
+class Output:
+    """The output of a command with ``--json``, its outcome, and the lines that it prints without ``--json``."""
 
     printed: Any
     outcome: Outcome[Result]
     lines: list[str]
 
 
-def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
+def output_of(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Output:
     outcomes: list[Outcome[Result]] = []
     show = show_outcome
 
@@ -76,19 +76,19 @@ def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
         patch.setattr(SHOWN, "as_json", False)
         with redirect_stdout(io.StringIO()) as text:
             show(outcomes[0])
-    return Answer(json.loads(printed.getvalue()), outcomes[0], text.getvalue().replace(os.sep, "/").splitlines())
+    return Output(json.loads(printed.getvalue()), outcomes[0], text.getvalue().replace(os.sep, "/").splitlines())
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answer]]:
-    """Answers of all commands, by their rows."""
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Output]]:
+    """Outputs of all calls, keyed by row."""
     folder = tmp_path_factory.mktemp("workshop")
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name in ("HOME", "USERPROFILE"):
             patch.setenv(name, str(folder))
-        patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))  # the others differ in their names alone
+        patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))  # the others differ only in their names
         patch.setattr("solen.sensor.effects.HOLDS", {})
         patch.setattr("solen.bench.simulated.sensors.CLOSE", 0.02)
         patch.setattr("solen.bench.simulated.sensors.TOLERANCE", 0.01)
@@ -96,7 +96,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
         closed_form = response()
         patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
         for row, arguments in ROWS.items():
-            found[row] = answer(arguments, patch)
+            found[row] = output_of(arguments, patch)
             if row == SAMPLES:
                 patch.chdir(folder / "samples")
                 Path("bench/sensor.toml").write_text(template("paper-860"), encoding="utf-8")
@@ -104,46 +104,46 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
 
 
 @pytest.mark.parametrize("row", sorted(CALLS.keys() - SHORTENED - MACHINE_DEPENDENT))
-def test_a_command_prints_what_its_page_shows(answers: dict[str, Answer], row: str) -> None:
-    assert not differences(CALLS[row][1], answers[row].lines)
+def test_output_agrees_with_page(outputs: dict[str, Output], row: str) -> None:
+    assert not differences(CALLS[row][1], outputs[row].lines)
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_what_a_command_prints_fits_its_schema(answers: dict[str, Answer], row: str) -> None:
-    assert misfits(result_schema(tuple(row.partition(" #")[0].split())), answers[row].printed) == []
+def test_output_fits_schema(outputs: dict[str, Output], row: str) -> None:
+    assert misfits(result_schema(tuple(row.partition(" #")[0].split())), outputs[row].printed) == []
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_a_result_is_drawn_where_its_command_draws(answers: dict[str, Answer], row: str) -> None:
+def test_command_draws_its_figure(outputs: dict[str, Output], row: str) -> None:
     module, _, function = commands()[row.partition(" #")[0]].partition(":")
     parameters = inspect.signature(getattr(import_module(f"solen.cli.{module}"), function)).parameters
     if "figure" in parameters:
-        assert "--figure" in ROWS[row]  # so `test_every_figure_is_legible` plots the result
-        assert answers[row].outcome.files["figure"].stat().st_size > 1000
+        assert "--figure" in ROWS[row]  # so `test_figure_is_legible` plots the result
+        assert outputs[row].outcome.files["figure"].stat().st_size > 1000
     if row == "run":
-        assert isinstance(solen.plot(answers[row].outcome.result), Figure)
+        assert isinstance(solen.plot(outputs[row].outcome.result), Figure)
 
 
-DRAWN = [row for row, arguments in ROWS.items() if "--figure" in arguments and row != "project reproduce"]
+WITH_FIGURE = [row for row, arguments in ROWS.items() if "--figure" in arguments and row != "project reproduce"]
 
 
 @pytest.mark.parametrize("width_mm", [None, 85.0])
-@pytest.mark.parametrize("row", DRAWN)
-def test_every_figure_is_legible(answers: dict[str, Answer], row: str, width_mm: float | None) -> None:
-    """No text cut off, under 6 pt or on another, no legend on data; also in a column of a journal."""
-    figure = solen.plot(answers[row].outcome.result, FigureOptions(width_mm=width_mm))
+@pytest.mark.parametrize("row", WITH_FIGURE)
+def test_figure_is_legible(outputs: dict[str, Output], row: str, width_mm: float | None) -> None:
+    """No text is clipped, below 6 pt or overlapping, and no legend covers data; also in a column of a journal."""
+    figure = solen.plot(outputs[row].outcome.result, FigureOptions(width_mm=width_mm))
     assert width_mm is None or figure.get_figwidth() == pytest.approx(width_mm / 25.4)
     assert faults(figure) == []
 
 
-def test_parts_of_results_are_drawn(answers: dict[str, Answer]) -> None:
-    study: Any = answers["run"].outcome.result
+def test_parts_of_results_can_be_drawn(outputs: dict[str, Output]) -> None:
+    study: Any = outputs["run"].outcome.result
     for part in (study.practice, study.case.power, study.sensor, study.sensor.cut):
         assert isinstance(solen.plot(part), Figure)
 
 
-def test_names_of_figures_are_names_of_one_type() -> None:
-    """A figure is chosen by the name of the type alone."""
+def test_type_names_with_figures_are_unique() -> None:
+    """The figure of a result is selected by the name of its type."""
     types: dict[str, set[type]] = {}
     waiting: list[type] = [Result]
     while waiting:
@@ -154,8 +154,8 @@ def test_names_of_figures_are_names_of_one_type() -> None:
     assert [name for name in FIGURES if len(types.get(name, ())) > 1] == []
 
 
-def test_figures_of_the_commands_leave_nothing_open(answers: dict[str, Answer]) -> None:
-    """Figures are made without pyplot, which would keep them all."""
-    assert answers
+def test_figures_are_not_kept_open(outputs: dict[str, Output]) -> None:
+    """Figures are created without pyplot, which would keep them in memory."""
+    assert outputs
     if "matplotlib.pyplot" in sys.modules:
         assert sys.modules["matplotlib.pyplot"].get_fignums() == []
