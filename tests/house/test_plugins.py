@@ -43,7 +43,7 @@ from dataclasses import replace
 
 from solen.recording import Format
 from solen.recording.grid import of_text
-from solen.recording.layout import find
+from solen.recording.layout import find_layout
 from solen.recording.table import read
 
 
@@ -52,7 +52,7 @@ def from_bytes(source):
         return None
     rows = source.text().replace("|", ",").splitlines()[1:]
     grid = of_text(replace(source, data="\\n".join(["wavelength_nm,T,R", *rows, ""]).encode()))
-    return read(grid, find(grid))
+    return read(grid, find_layout(grid))
 
 
 SPECTRUM = Format(from_bytes=from_bytes)
@@ -61,7 +61,7 @@ SPECTRUM = Format(from_bytes=from_bytes)
 BAR = """
 from solen.curve import Segment
 from solen.geometry import drawn_kind
-from solen.geometry.drawing import Drawing, Lamp, Stroke
+from solen.geometry.drawing import Drawing, DrawnEmitter, Stroke
 
 def draw(numbers):
     half, length = numbers["width_mm"] / 2, numbers["length_mm"]
@@ -69,7 +69,7 @@ def draw(numbers):
     names = ["lens", "wall", "receiver-right", "receiver-left", "wall"]
     ends = corners[1:] + corners[:1]
     strokes = tuple(Stroke(n, Segment(a, b), n) for n, a, b in zip(names, corners, ends, strict=True))
-    return Drawing(strokes, (Lamp((0.0, -1.0)),), (("pivot", (0.0, 0.0)),))
+    return Drawing(strokes, (DrawnEmitter((0.0, -1.0)),), (("pivot", (0.0, 0.0)),))
 
 BAR = drawn_kind(draw, {"width_mm": 4.0, "length_mm": 20.0})
 """
