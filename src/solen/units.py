@@ -41,19 +41,18 @@ def is_unit(text: str) -> bool:
     return _unit(text) is not None
 
 
-def factor(unit: str, wanted: str) -> float | None:
-    """Return the factor that converts a number from ``unit`` to ``wanted``, or None if there is none.
+def factor(unit: str, target: str) -> float | None:
+    """Return the factor that converts a number from ``unit`` to ``target``, or None if there is none.
 
     Units without a factor, such as dB/cm and °C, convert only to themselves.
     """
-    if unit and unit == wanted:
+    if unit and unit == target:
         return 1.0
-    ours, theirs = _unit(unit), _unit(wanted)
-    if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
+    old, new = _unit(unit), _unit(target)
+    if old is None or new is None or old.dimensionality != new.dimensionality:
         return None
-    return float(
-        f"{(1.0 * ours).to(theirs).magnitude:.15g}"
-    )  # rounded, because a conversion through m gives 999.9999999999999
+    # rounded, because a conversion through m gives 999.9999999999999
+    return float(f"{(1.0 * old).to(new).magnitude:.15g}")
 
 
 @cache

@@ -131,7 +131,9 @@ def test_frames_contain_version() -> None:
 def test_draws_every_shipped_design(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.toml").write_text(template(name), encoding="utf-8")
     document = Document(tmp_path / "a.toml")
-    head, arrays = decoded(picture_frame(document, document.state, View(), 1, whole=True, curve=name == "hand-860"))
+    head, arrays = decoded(
+        picture_frame(document, document.state, View(), 1, all_values=True, curve=name == "hand-860")
+    )
     assert len(arrays["rays"]) > 100
     assert arrays["outline"].shape[1] == 2
     assert set(head["values"]) == set(json_schema()["properties"]) - {"schema"}
@@ -164,7 +166,7 @@ def test_shows_two_designs_side_by_side(document: Document) -> None:
     document.pin()
     state = document.change({"emitter.offset_mm": 0.2})
     head, arrays = decoded(
-        picture_frame(document, state, View(angle_deg=2.0, light="plane"), 1, whole=True, curve=False)
+        picture_frame(document, state, View(angle_deg=2.0, light="plane"), 1, all_values=True, curve=False)
     )
     assert head["is_beside"]
     assert arrays["beside_outline"] == pytest.approx(picture(before, 2.0).outline, abs=1e-5)

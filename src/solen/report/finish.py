@@ -312,15 +312,15 @@ def _hide_overlapping_notes(figure: Figure) -> bool:
     """Hide notes that overlap earlier ones in a panel; return whether any were hidden."""
     hidden = False
     for axes in figure.axes:
-        kept: list[Bbox] = []
+        visible: list[Bbox] = []
         for note in axes.texts:
             x0, y0, x1, y1 = note.get_window_extent().extents
             box = Bbox.from_extents(x0 - _NOTE_MARGIN_PX, y0, x1 + _NOTE_MARGIN_PX, y1)
-            if note.get_visible() and note.get_text() and box.count_overlaps(kept):
+            if note.get_visible() and note.get_text() and box.count_overlaps(visible):
                 note.set_visible(False)
                 hidden = True
             elif note.get_visible() and note.get_text():
-                kept.append(box)
+                visible.append(box)
     return hidden
 
 

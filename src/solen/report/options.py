@@ -67,15 +67,15 @@ class FigureOptions(Options):
             If a style option is given without a figure, or limits are malformed.
         """
         files = [file for file in (self.figure, *others) if file is not None]
-        given = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
-        if given and not files:
+        specified = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
+        if specified and not files:
             raise SpecError(
-                f"--{given[0].replace('_', '-')}", limit="applies only to a figure", remedy="add --figure FILE"
+                f"--{specified[0].replace('_', '-')}", limit="applies only to a figure", remedy="add --figure FILE"
             )
         for file in files:
             if file.suffix.lower() not in KINDS:
                 raise OutputError(str(file), limit=f"a figure must end in {', '.join(KINDS)}", remedy="rename it")
-        if files and "dpi" in given and not any(file.suffix.lower() in PIXELS for file in files):
+        if files and "dpi" in specified and not any(file.suffix.lower() in PIXELS for file in files):
             limit = f"applies to {', '.join(PIXELS)}, and {files[0].name} has no pixels"
             raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="omit it")
         self.ends()

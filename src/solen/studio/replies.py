@@ -112,8 +112,10 @@ def nearest_value(state: State, angle_deg: float) -> float:
     return min(max(angle_deg, values[0]), values[-1])
 
 
-def picture_frame(document: Document, state: State, view: View, request_id: int, *, whole: bool, curve: bool) -> bytes:
-    """Return the frame of the drawing, with an approximate response if ``curve``, and all values if ``whole``."""
+def picture_frame(
+    document: Document, state: State, view: View, request_id: int, *, all_values: bool, curve: bool
+) -> bytes:
+    """Return the frame of the drawing, with an approximate response if ``curve``, and all values if ``all_values``."""
     sensor = shown_sensor(state, view)
     values = state.design.motion.values()
     image = picture(sensor, nearest_value(state, view.angle_deg), view.rays, split=view.split)
@@ -126,7 +128,7 @@ def picture_frame(document: Document, state: State, view: View, request_id: int,
         "ends": image.ends,
         "handles": image.handles,
     }
-    if whole:
+    if all_values:
         head |= _full_state(document, state)
     arrays = {"outline": image.outline, "emitter": image.emitter, "rays": image.rays}
     if document.comparison is not None:

@@ -145,7 +145,7 @@ class Session:
             state,
             view,
             request.id,
-            whole=version != self.version_sent,
+            all_values=version != self.version_sent,
             curve=self._key(view) != self.response_sent,
         )
         self.view, self.version_sent, self.response_sent = view, version, self._key(view)

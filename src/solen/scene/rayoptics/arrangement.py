@@ -193,12 +193,12 @@ def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
 def _cut(portion: _Portion, cuts: Iterable[float], tolerance: float) -> list[_Portion]:
     """Cut a segment at these parameters, ignoring any within the tolerance of another cut or of an end."""
     curve = portion.curve
-    kept = [0.0]
+    ends = [0.0]
     for u in sorted(cuts):
-        cut, last, end = curve.points(np.array([u, kept[-1], 1.0]))
-        if u > kept[-1] and min(math.dist(cut, last), math.dist(cut, end)) > tolerance:
-            kept.append(u)
-    return [_Portion(part(curve, low, high), list(portion.owners)) for low, high in pairwise([*kept, 1.0])]
+        cut, last, end = curve.points(np.array([u, ends[-1], 1.0]))
+        if u > ends[-1] and min(math.dist(cut, last), math.dist(cut, end)) > tolerance:
+            ends.append(u)
+    return [_Portion(part(curve, low, high), list(portion.owners)) for low, high in pairwise([*ends, 1.0])]
 
 
 def _united(portions: list[_Portion], tolerance: float) -> list[_Portion]:
