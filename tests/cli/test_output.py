@@ -306,7 +306,7 @@ def test_paths_are_added_to_json(runner: CommandRunner, design: str) -> None:
     assert arrived.count("receiver-left") == default["detectors"]["left"]["rays"] > 0
 
 
-def test_paths_of_a_ray_straight_ahead_warn_of_nothing(runner: CommandRunner, design: str) -> None:
+def test_paths_of_axial_ray_cause_no_warning(runner: CommandRunner, design: str) -> None:
     assert len(runner.json("trace", design, "--rays", "3", "--mode", "power", "--paths", "--json")["branches"]) >= 3
 
 
@@ -330,7 +330,7 @@ def test_paths_of_a_ray_straight_ahead_warn_of_nothing(runner: CommandRunner, de
     ],
     ids=str,
 )
-def test_set_takes_toml_else_text(
+def test_set_accepts_toml_or_string(
     runner: CommandRunner, design: str, assignments: list[str], where: tuple[str], value: object
 ) -> None:
     options = [part for assignment in assignments for part in ("--set", assignment)]
@@ -340,12 +340,12 @@ def test_set_takes_toml_else_text(
     assert result == value
 
 
-def test_an_option_of_its_own_is_stronger_than_set(runner: CommandRunner, design: str) -> None:
+def test_option_overrides_set(runner: CommandRunner, design: str) -> None:
     result = runner.json("trace", design, "--rays", "20", "--set", "emitter.rays=30", "--json")
     assert result["rays"] == 20
 
 
-def test_lines_say_what_json_says(runner: CommandRunner, design: str) -> None:
+def test_lines_agree_with_json(runner: CommandRunner, design: str) -> None:
     arguments = ["trace", design, "--angle-deg", "-3", "--rays", "1000"]
     result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)
     assert lines[0] == "Paper 860 nm at -3 deg, 1000 rays, mode count"
@@ -360,7 +360,7 @@ def test_lines_say_what_json_says(runner: CommandRunner, design: str) -> None:
         assert text == expected if isinstance(expected, str) else float(text) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_run_ends_with_where_its_report_is(
+def test_run_ends_with_path_of_report(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
@@ -388,7 +388,7 @@ warnings = ["no reflectance went into it"]
 """
 
 
-def test_a_command_that_uses_a_resin_reports_what_is_missing_in_it(
+def test_reports_missing_properties_of_resin(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
