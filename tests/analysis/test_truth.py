@@ -83,10 +83,10 @@ def test_hysteresis_comes_back(hysteresis_V: float) -> None:
 
 def test_hysteresis_within_the_noise_is_said_to_be_a_bound() -> None:
     found = found_of(NOISY)
-    told = [warning for warning in found.warnings if "is a bound" in warning]
+    told = [warning for warning in found.warnings if "is an upper bound" in warning]
     assert told
-    assert all("within three standard uncertainties" in warning for warning in told)
-    assert not any("is a bound" in warning for warning in found_of(replace(NOISY, hysteresis_V=0.2)).warnings)
+    assert all("at most three times its standard uncertainty" in warning for warning in told)
+    assert not any("is an upper bound" in warning for warning in found_of(replace(NOISY, hysteresis_V=0.2)).warnings)
 
 
 def test_drift_comes_back_and_is_no_hysteresis() -> None:

@@ -188,7 +188,7 @@ def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, options: Analy
 
 def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
-    with pytest.raises(DataError, match="name an angle column with --angle or a stage log"):
+    with pytest.raises(DataError, match="name an angle column with --angle, a stage log"):
         study([path])
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
     with pytest.raises(DataError, match="name the time column with --time, or specify the rate with --rate-hz"):
@@ -196,7 +196,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     signals = made(TRUTH)
     rows = np.column_stack([1e3 * signals.time_s, signals.angle_deg, signals.volts])
     np.savetxt(path, rows, delimiter=",", header="timestamp,angle_deg,left_V,right_V", comments="", fmt="%.8g")
-    with pytest.raises(DataError, match="use --time-unit ms"):
+    with pytest.raises(DataError, match="specify --time-unit"):
         study([path])
     assert cycles_of(study([path], AnalysisOptions(time_unit="ms")), "two") == 6
 
@@ -207,7 +207,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
         ({"pattern": "one.csv"}, "has no field"),
         ({"control": ("S9",)}, "no sensor has this name"),
         ({"smooth_ms": -1.0}, "smooth_ms"),
-        ({"smooth_ms": 1e6}, "a twentieth of the length of one.csv"),
+        ({"smooth_ms": 1e6}, "a twentieth of the duration of one.csv"),
         ({"zero_deg": math.nan}, "finite number"),
         ({"dark_V": math.inf}, "finite number"),
         ({"angle_time": "t"}, "--angle-file"),
@@ -217,7 +217,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
         ({"channel": ("=x",)}, "NAME=COLUMN"),
         ({"channel": ("left=left_V", "left=right_V")}, "is named twice"),
         ({"channel": ("left=left_V", "right=left_V")}, "has two roles"),
-        ({"angle_file": (Path("a"), Path("b"))}, "one for all files"),
+        ({"angle_file": (Path("a"), Path("b"))}, "one log for all recordings"),
     ],
 )
 def test_options_that_cannot_be(tmp_path: Path, options: dict[str, Any], said: str) -> None:
@@ -234,7 +234,7 @@ def test_files_that_cannot_be(tmp_path: Path) -> None:
         study([path, path])
     with pytest.raises(DataError, match="is not named as"):
         study([path], AnalysisOptions(pattern="{sensor}_{run}.csv"))
-    with pytest.raises(DataError, match="leaves more than 20,000 points"):
+    with pytest.raises(DataError, match="more than 20,000 points"):
         study([path], AnalysisOptions(step_deg=1e-9))
 
 
@@ -365,7 +365,7 @@ def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
         json.dumps(found.to_dict(), allow_nan=False)
         return " | ".join(found.warnings)
 
-    assert "--zero-deg 90 sets the zero there" in warnings(signals.angle_deg + 90.0, signals.volts)
+    assert "set the zero there with --zero-deg 90" in warnings(signals.angle_deg + 90.0, signals.volts)
     told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
     assert "does not respond to the angle" in told
     assert "both move" not in told

@@ -73,7 +73,7 @@ def test_numbered_names_are_no_receivers_beside_volts(tmp_path: Path) -> None:
 
 
 def test_an_angle_in_counts_is_no_angle_in_degrees(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="3000 without a specified unit"):
+    with pytest.raises(DataError, match="specifies no unit and reaches 3000"):
         taken(tmp_path, "time_s,angle (counts),left_V,right_V", ROWS * [1.0, 1e3, 1.0, 1.0])
 
 

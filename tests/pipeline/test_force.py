@@ -167,9 +167,9 @@ def test_noise_of_the_cell_leaves_rest_and_hold_in_the_range(
     options = AnalysisOptions(load_cell=tmp_path / "cell.toml", tare_s=0.9)
     path = Presses(cell_noise_V=cell_noise_V).write(tmp_path / "a.csv")
     studied = study([path], options)
-    assert "tare for longer" not in str(studied.warnings)
+    assert "use a longer --tare-s" not in str(studied.warnings)
     short = study([path], options.model_copy(update={"tare_s": 0.05}))
-    assert ("tare for longer" in str(short.warnings)) is (cell_noise_V > 2e-3)
+    assert ("use a longer --tare-s" in str(short.warnings)) is (cell_noise_V > 2e-3)
     found = calibrated_sensors(studied).calibrations[0].calibration
     other = Presses(seed=7, cell_noise_V=cell_noise_V)
     decoded = Decoder(found).decode(other.volts)
@@ -244,7 +244,7 @@ CELL_FILE, TARE = "--load-cell {}/cell.toml", "--tare-s 0.9"
     [
         ("load_cell_V", "", ("is a voltage", "--load-cell")),
         ("load_cell_V", CELL_FILE, ("without load", "--tare-s")),
-        ("load_cell_V", f"{CELL_FILE} {TARE} --zero-deg 1", ("--zero-deg", "--tare-s sets")),
+        ("load_cell_V", f"{CELL_FILE} {TARE} --zero-deg 1", ("--zero-deg", "with --tare-s")),
         ("load_cell_V", f"{CELL_FILE} {TARE} --step-deg 1", ("--step-deg", "force")),
         ("load_cell_V", "--load-cell {}/none.toml", ("none.toml",)),
         ("load_cell_V", "--load-cell {}/empty.toml", ("[load_cell]",)),

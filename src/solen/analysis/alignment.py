@@ -129,7 +129,7 @@ def align(
 
 
 def principal(volts: FloatArray) -> FloatArray:
-    """First principal component of the receiver voltages, each scaled by its standard deviation, (n,)."""
+    """Return the first principal component of the receiver voltages, each scaled by its standard deviation, (n,)."""
     centred = volts - np.median(volts, axis=0)
     spread = centred.std(axis=0)
     scaled = centred / np.where(spread > 0.0, spread, 1.0)
@@ -183,7 +183,7 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Standard uncertainty of the line's level at the midpoint, slope, and standard uncertainty of the slope."""
+        """Return the standard uncertainty of the line's level at the midpoint, slope, and standard uncertainty of the slope."""
         return _line(self.when - middle_s, self.shift, self.weight)
 
 
@@ -204,15 +204,15 @@ class _Laid:
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
 
     def log_times(self, lag: float, rate: float) -> FloatArray:
-        """Recording times on the log's clock, (n,)."""
+        """Return the recording times on the log's clock, (n,)."""
         return np.asarray(self.time_s + lag + rate * (self.time_s - self.middle_s))
 
     def angle_deg(self, lag: float, rate: float, window_s: float = 0.0) -> FloatArray:
-        """Logged angle at the recording times, (n,)."""
+        """Return the logged angle at the recording times, (n,)."""
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Best-fitting shift of each cycle, in addition to the clock's shift."""
+        """Return the best-fitting shift of each cycle, in addition to the clock's shift."""
         motion, when = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
@@ -236,7 +236,7 @@ class _Laid:
         return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
 
     def _speed(self, when: FloatArray) -> FloatArray:
-        """Speed from the log, over an interval long against noise and steps but at most a tenth of a ramp."""
+        """Return the speed from the log, over an interval long against noise and steps but at most a tenth of a ramp."""
         motion = self.motion
         fastest = motion.speed_deg_per_s
         far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
@@ -246,7 +246,7 @@ class _Laid:
 
 
 def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
-    """Uncertainty of a lag, from the scatter of the lags fitted to parts of each receiver's range."""
+    """Return the uncertainty of a lag, from the scatter of the lags fitted to parts of each receiver's range."""
     top, weight = (
         np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
     )
@@ -261,7 +261,7 @@ def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
 def _linearised(
     angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: BoolArray, motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
-    """Voltages minus the mean curve, and their time-shift derivative, orthogonal to changes of that curve.
+    """Return the voltages minus the mean curve, and their time-shift derivative, orthogonal to changes of that curve.
 
     Both are divided by the scatter of each receiver. The curve is a cubic spline fitted by least squares. Part of the
     effect of a shift looks like a change of the curve; this part is projected out (Frisch and Waugh).
@@ -284,7 +284,7 @@ def _linearised(
 
 
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
-    """Number of mean-curve segments that samples of both directions support; 0 if there are too few samples.
+    """Return the number of mean-curve segments that samples of both directions support, or 0 if there are too few samples.
 
     With more segments, a curve could follow both directions if these were sampled at a few different angles each.
     """
@@ -309,13 +309,13 @@ class _Cells:
         self._knots = np.concatenate([np.repeat(ends[0], 4), inside, np.repeat(ends[1], 4)])
 
     def curve(self, values: FloatArray) -> BSpline:
-        """Cubic spline fitted to the bin means by least squares."""
+        """Return the cubic spline fitted to the bin means by least squares."""
         means = np.bincount(self._cell, values, _CELLS)[self._held] / self._count
         return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
 
 
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Encoder step, of which all levels are multiples; 0 if there is none.
+    """Return the encoder step, of which all levels are multiples, or 0 if there is none.
 
     If every level in a ramp follows directly after the previous level, a noise-free angle may have been sampled in step
     with its motion. The step is then one unit of the last decimal place, to which the angle may have been rounded.
@@ -328,7 +328,7 @@ def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
 
 
 def _last_decimal(values: FloatArray) -> float:
-    """Unit of the last decimal place: 0.01 for values with two decimals, and so on; 0 for more than six decimals."""
+    """Return the unit of the last decimal place: 0.01 for values with two decimals, and so on, or 0 for more than six decimals."""
     for decimals in range(7):
         if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _ALIKE * 1e-3:
             return float(10.0**-decimals)
@@ -336,7 +336,7 @@ def _last_decimal(values: FloatArray) -> float:
 
 
 def _common_step(levels: FloatArray) -> float:
-    """Largest step of which all levels, ascending from 0, are multiples; 0 if there is none."""
+    """Return the largest step of which all levels, ascending from 0, are multiples, or 0 if there is none."""
     steps = np.diff(levels)
     finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
     for part in range(1, _FINER + 1):
@@ -347,7 +347,7 @@ def _common_step(levels: FloatArray) -> float:
 
 
 def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
-    """Uncertainty of a lag due to the encoder steps, which may affect all ramps alike.
+    """Return the uncertainty of a lag due to the encoder steps, which may affect all ramps alike.
 
     Log entries less than half a step apart sample every step at many positions, and their rounding errors average like
     independent errors. Entries farther apart may all have the same rounding error, with standard uncertainty step/√12.
@@ -361,7 +361,7 @@ def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Uncertainty of the level at x = 0, slope, and uncertainty of the slope of a weighted straight line (n − 2)."""
+    """Return the uncertainty of the level at x = 0, slope, and uncertainty of the slope of a weighted straight line (n − 2)."""
     if x.size < 3:
         return math.nan, 0.0, math.nan
     w = weights / weights.sum()

@@ -120,7 +120,7 @@ class ReceiverResponse(Curve):
 
 
 def over_cycles(values: FloatArray) -> Estimate:
-    """Mean of values, one per cycle, and its uncertainty from the scatter of the cycles (NaN for a single cycle)."""
+    """Return the mean of values, one per cycle, and its uncertainty from the scatter of the cycles (NaN for a single cycle)."""
     held = values[np.isfinite(values)]
     if not held.size:
         return _UNKNOWN
@@ -151,11 +151,11 @@ def receiver_response(
     percent = 100.0 / scale if scale > 0.0 else math.nan
     middle = line_slopes(angle, cycles, np.abs(angle) <= near_zero + 1e-9)
     slope = line_slopes(angle, cycles, np.isfinite(whole.mean_V))
-    level = _levels(cycles)
+    level_V = levels(cycles)
     independent, about_line = _linearity(angle, whole.mean_V)
     hysteresis, place_deg, point_V, mean_hysteresis = hysteresis_of(angle, volts[:, 0] - volts[:, 1])
     repeatability = _repeatability(volts)
-    drift, by_cycle = line_fit(passes.middle_s / 60.0, level), line_fit(np.arange(float(level.size)), level)
+    drift, by_cycle = line_fit(passes.middle_s / 60.0, level_V), line_fit(np.arange(float(level_V.size)), level_V)
     swing_V = swing(angle, cycles)
     noise_V = noise_V if noise_V > _ROUNDING * scale else 0.0
     snr = scale / noise_V if noise_V > 0.0 else math.nan
@@ -198,12 +198,12 @@ def receiver_response(
 
 
 def _hidden_intervals(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
-    """First and last angle of each hidden interval."""
-    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in flag_runs(hidden))
+    """Return the first and last angle of each hidden interval."""
+    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
 
 
-def _levels(cycles: FloatArray) -> FloatArray:
-    """Mean level of each cycle over the angles that all cycles have, (cycles,)."""
+def levels(cycles: FloatArray) -> FloatArray:
+    """Return the mean level of each cycle over the angles that all cycles have, (cycles,)."""
     common = np.isfinite(cycles).all(axis=0)
     return cycles[:, common].mean(axis=1) if common.any() else np.full(len(cycles), np.nan)
 
@@ -214,7 +214,7 @@ def _reach(mean: FloatArray) -> float:
 
 
 def _u_of_range(curve: Curve) -> float:
-    """Uncertainty of the largest mean minus the smallest mean."""
+    """Return the uncertainty of the largest mean minus the smallest mean."""
     if not np.isfinite(curve.mean_V).any():
         return math.nan
     places = [int(np.nanargmax(curve.mean_V)), int(np.nanargmin(curve.mean_V))]
@@ -222,7 +222,7 @@ def _u_of_range(curve: Curve) -> float:
 
 
 def swing(angle_deg: FloatArray, cycle_V: FloatArray) -> Estimate:
-    """Voltage at the largest angles minus voltage at the smallest angles: means over the outer tenths of each cycle.
+    """Return the voltage at the largest angles minus voltage at the smallest angles: means over the outer tenths of each cycle.
 
     Unlike the range, the swing does not increase with noise, and it has a sign.
     """
@@ -240,7 +240,7 @@ def _held_mean(values: FloatArray) -> FloatArray:
 
 
 def line_slopes(angle_deg: FloatArray, cycle_V: FloatArray, where: BoolArray) -> Estimate:
-    """Slope of the least-squares line of each cycle over the specified angles."""
+    """Return the slope of the least-squares line of each cycle over the specified angles."""
     return over_cycles(np.array([_slope(angle_deg, row, where) for row in cycle_V]))
 
 
@@ -254,14 +254,14 @@ def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
 
 
 def _weights(angle_deg: FloatArray) -> FloatArray:
-    """Weight of each angle in the range: half at both ends, so that a line fits all angles equally."""
+    """Return the weight of each angle in the range: half at both ends, so that a line fits all angles equally."""
     weights = np.ones(angle_deg.size)
     weights[[0, -1]] = 0.5
     return np.asarray(weights / weights.sum())
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
-    """Largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
+    """Return the largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
     held = np.isfinite(mean)
     x, y = angle_deg[held], mean[held]
     if x.size < _MIN_POINTS:
@@ -273,7 +273,7 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Rising minus falling (cycles, g): largest mean over a tenth of the range, its angle, largest value, and mean.
+    """Return the rising minus falling (cycles, g): largest mean over a tenth of the range, its angle, largest value, and mean.
 
     The largest of many noisy differences at single grid points is mostly noise; it is therefore reported separately.
     """
@@ -290,18 +290,18 @@ def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estima
 
 
 def _pooled_u(rows: FloatArray) -> float:
-    """Uncertainty of a mean over rows, pooled over columns, because a single column has only a few cycles."""
+    """Return the uncertainty of a mean over rows, pooled over columns, because a single column has only a few cycles."""
     return math.sqrt(float(rows.var(axis=0, ddof=1).mean()) / len(rows)) if len(rows) > 1 else math.nan
 
 
 def _windows(rows: FloatArray, width: int) -> FloatArray:
-    """Mean of each row over every window with this number of columns."""
+    """Return the mean of each row over every window with this number of columns."""
     total = np.cumsum(np.pad(rows, ((0, 0), (1, 0))), axis=1)
     return np.asarray((total[:, width:] - total[:, :-width]) / width)
 
 
 def _repeatability(volts: FloatArray) -> float:
-    """Standard deviation over cycles at the same angle and in the same direction, pooled over both directions."""
+    """Return the standard deviation over cycles at the same angle and in the same direction, pooled over both directions."""
     if volts.shape[0] < 2:
         return math.nan
     variance = volts.var(axis=0, ddof=1)
@@ -310,7 +310,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
-    """Slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
+    """Return the slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
     if x.size < _MIN_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     away = x - x.mean()
@@ -320,5 +320,5 @@ def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
 
 
 def _resolution(noise_V: float, slope: Estimate) -> float:
-    """Angle equivalent to one standard deviation of a reading; NaN if the slope is not resolved."""
+    """Return the angle equivalent to one standard deviation of a reading, or NaN if the slope is not resolved."""
     return noise_V / abs(slope.value) if slope.resolved and slope.value else math.nan

@@ -152,7 +152,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
 
 
 def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Time and angle of a stage turned by hand, if the angle changes only in gaps of the recording; otherwise None.
+    """Return the time and angle of a stage turned by hand, if the angle changes only in gaps of the recording; otherwise None.
 
     The gaps are removed from the time, and the angle is interpolated from one rotation to the next through the
     midpoints of the stops.
@@ -172,7 +172,7 @@ def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tuple[FloatArray, float]:
-    """An angle averaged over a few samples, if its noise would hide edges; and the standard deviation of the noise."""
+    """Return an angle averaged over a few samples, if its noise would hide edges; and the standard deviation of the noise."""
     wanted = (_HIDING * noise / reach) ** 2
     count = min(math.ceil(wanted), most) | 1 if wanted > 1.0 and most > 2 else 1
     calm = angle_deg if count == 1 else np.asarray(uniform_filter1d(angle_deg, count, mode="nearest"))
@@ -180,13 +180,13 @@ def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tup
 
 
 def _noise(angle_deg: FloatArray) -> float:
-    """Standard deviation of white noise on a piecewise straight line, from second differences."""
+    """Return the standard deviation of white noise on a piecewise straight line, from second differences."""
     second = np.abs(np.diff(angle_deg, 2))
     return float(1.4826 * np.median(second) / math.sqrt(6.0))
 
 
 def _finest(angle_deg: FloatArray) -> float:
-    """Smallest encoder step; 0 if the angle has as many distinct values as samples."""
+    """Return the smallest encoder step, or 0 if the angle has as many distinct values as samples."""
     levels = np.unique(angle_deg)
     if levels.size < 2 or levels.size > 0.2 * angle_deg.size:
         return 0.0
@@ -213,7 +213,7 @@ class _Edges:
         self._least = max(_MIN_SPEED * _TENTH * reach, floor, 1.01 * step)
 
     def _half(self, reach: float, noise: float) -> int:
-        """Half the number of samples during which the angle, at its fastest, moves by a tenth of its range."""
+        """Return the half the number of samples during which the angle, at its fastest, moves by a tenth of its range."""
         lag = 1
         while lag < self._angle.size // 4:
             moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag]))) - _PEAKS * noise
@@ -223,7 +223,7 @@ class _Edges:
         return max(1, lag // 4)
 
     def runs(self) -> list[tuple[int, int, int]]:
-        """First sample, the sample after the last sample, and direction of each run of motion in one direction."""
+        """Return the first sample, the sample after the last sample, and direction of each run of motion in one direction."""
         sign = np.where(np.abs(self._change) > self._least, np.sign(self._change), 0.0).astype(np.int8)
         bounds = np.flatnonzero(np.diff(sign)) + 1
         starts, stops = np.append(0, bounds), np.append(bounds, sign.size)
@@ -248,7 +248,7 @@ def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int
 
 
 def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, tolerance: float) -> tuple[Ramp, ...]:
-    """Ramps from runs, each from where the angle leaves the tolerance of a level to where it enters the next one's."""
+    """Return the ramps from runs, each from where the angle leaves the tolerance of a level to where it enters the next one's."""
     size = angle_deg.size
     cuts = [0, *((before[1] + after[0]) // 2 for before, after in pairwise(runs)), size]
     ramps: list[Ramp] = []
@@ -268,13 +268,13 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
 
 
 def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
-    """Median of a hold between two runs; None if the runs follow each other directly."""
+    """Return the median of a hold between two runs, or None if the runs follow each other directly."""
     inner = angle_deg[start + half : stop - half] if stop - start > 2 * half + 2 else angle_deg[start:stop]
     return float(np.median(inner)) if stop - start > half + 2 else None
 
 
 def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Last sample at a level before the midpoint of a ramp; at a mere reversal, the last of the extreme samples."""
+    """Return the last sample at a level before the midpoint of a ramp; at a mere reversal, the last of the extreme samples."""
     part = a[low : middle + 1]
     if level is None:
         return middle - int(np.argmin(direction * part[::-1]))
@@ -283,7 +283,7 @@ def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance
 
 
 def _enters(a: FloatArray, middle: int, high: int, level: float | None, tolerance: float, direction: int) -> int:
-    """First sample at a level after the midpoint of a ramp; at a mere reversal, the first extreme sample."""
+    """Return the first sample at a level after the midpoint of a ramp; at a mere reversal, the first extreme sample."""
     part = a[middle:high]
     if level is None:
         return middle + int(np.argmax(direction * part))
@@ -318,7 +318,7 @@ def _speed(time_s: FloatArray, ramps: tuple[Ramp, ...]) -> float:
 
 
 def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, float]) -> tuple[float, int]:
-    """Angle at which cycles begin, and the side towards which the first ramp leaves it.
+    """Return the angle at which cycles begin, and the side towards which the first ramp leaves it.
 
     This is the level before the first ramp. If the recording begins during a ramp, it is the level after the last ramp;
     otherwise 0 or the midpoint of the range.
@@ -334,7 +334,7 @@ def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, flo
 
 
 def _side(ramps: tuple[Ramp, ...], rest: float, far: float) -> int:
-    """Side of the first ramp that leaves a rest level within the range."""
+    """Return the side of the first ramp that leaves a rest level within the range."""
     for ramp in ramps:
         if abs(ramp.start_deg - rest) <= far:
             return ramp.direction
@@ -350,7 +350,7 @@ def _cycles(
     tolerance: float,
     name: str,
 ) -> tuple[tuple[Cycle, ...], tuple[Caution, ...]]:
-    """Complete cycles, and warnings about omitted parts."""
+    """Return the complete cycles, and warnings about omitted parts."""
     away = first * (angle_deg - rest)
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
     starts = _starts(away, ramps, rest, first, far, tolerance)
@@ -386,7 +386,7 @@ def _cycles(
 def _starts(
     away: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, far: float, tolerance: float
 ) -> list[tuple[int, float]]:
-    """Last sample at rest before each excursion to the first side, and the tolerance for rest there.
+    """Return the last sample at rest before each excursion to the first side, and the tolerance for rest there.
 
     If a ramp only passes through the rest level, no sample near it may be omitted: only the crossing itself counts as
     rest.
@@ -417,7 +417,7 @@ def _with_their_ramps(
 
 
 def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:
-    """Samples of a cycle, and whether it returned to rest."""
+    """Return the samples of a cycle, and whether it returned to rest."""
     stop = away.size if following is None else following + 1
     out = np.flatnonzero(np.abs(away[start:stop]) > tolerance)
     last = start + int(out[-1]) + 1 if out.size else stop - 1

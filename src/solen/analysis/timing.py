@@ -122,18 +122,18 @@ def timing_of(
 
 
 def _distinct(speeds: FloatArray) -> list[float]:
-    """Median of each group of speeds; groups differ by more than a fifth."""
+    """Return the median of each group of speeds; groups differ by more than a fifth."""
     return [float(np.median(group)) for group in _groups(speeds)]
 
 
 def _groups(speeds: FloatArray) -> list[FloatArray]:
-    """Speeds in ascending order, grouped: a new group starts where the next speed is more than a fifth higher."""
+    """Return the speeds in ascending order, grouped: a new group starts where the next speed is more than a fifth higher."""
     ordered = np.sort(speeds)
     return np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
 
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
-    """Lag of the voltages and its uncertainty, from cycle differences projected on the slope; NaN if undetermined."""
+    """Return the lag of the voltages and its uncertainty, from cycle differences projected on the slope, or NaN if undetermined."""
     if len(_distinct(speeds)) < 2 or speeds.size < _MIN_CYCLES:
         return math.nan, math.nan
     held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
@@ -148,7 +148,7 @@ def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[floa
 
 
 def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, whole: float) -> float:
-    """Uncertainty of a slope over speed, from the differences between parts of the range.
+    """Return the uncertainty of a slope over speed, from the differences between parts of the range.
 
     Angles interpolated across the corners of a ramp are early at one end and late at the other, in the same way in
     every cycle. This is not a lag, and the scatter of the cycles does not show it.
@@ -168,12 +168,12 @@ def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, w
 
 
 def same_speed(speeds: FloatArray, one: float) -> BoolArray:
-    """Whether each speed belongs to the same group as the specified speed."""
+    """Return whether each speed belongs to the same group as the specified speed."""
     return np.asarray((speeds <= _MEANT * one) & (one <= _MEANT * speeds))
 
 
 def at_main_speed(speeds: FloatArray) -> BoolArray:
-    """Whether each cycle is at the speed of most cycles, (cycles,); true for all if there is no clear second speed."""
+    """Return whether each cycle is at the speed of most cycles, (cycles,); true for all if there is no clear second speed."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
     low, high = float(main.min()), float(main.max())
     inside = (speeds >= low) & (speeds <= high)
@@ -183,7 +183,7 @@ def at_main_speed(speeds: FloatArray) -> BoolArray:
 
 
 def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> FloatArray:
-    """Median speed of the ramps of each used cycle, (cycles,); 0 if all samples are at stops."""
+    """Return the median speed of the ramps of each used cycle, (cycles,), or 0 if all samples are at stops."""
     if motion.stopped:
         return np.zeros(len(used))
     speeds = np.array([_speed(time_s, angle_deg, ramp) for ramp in motion.ramps])
@@ -197,7 +197,7 @@ def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used
 
 
 def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
-    """Speed in the central part of a ramp, away from its ends."""
+    """Return the speed in the central part of a ramp, away from its ends."""
     away = max(1, (ramp.stop - ramp.start) // 5)
     first, last = ramp.start + away, max(ramp.stop - 1 - away, ramp.start + away + 1)
     took = float(time_s[min(last, time_s.size - 1)] - time_s[first])
@@ -205,7 +205,7 @@ def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
 
 
 def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> float:
-    """Largest delay of an angle in its row: half the time between new values on ramps, plus its scatter."""
+    """Return the largest delay of an angle in its row: half the time between new values on ramps, plus its scatter."""
     moving = np.zeros(time_s.size, dtype=bool)
     for ramp in motion.ramps:
         moving[ramp.start + 1 : ramp.stop - 1] = True
@@ -218,6 +218,6 @@ def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> 
 
 
 def _within(moving: BoolArray, fresh: BoolArray) -> BoolArray:
-    """Whether each step from a new value to the next new value lies within a single ramp."""
+    """Return whether each step from a new value to the next new value lies within a single ramp."""
     ramp = np.cumsum(np.diff(moving.astype(np.int8), prepend=0) == 1)[fresh]
     return np.asarray(np.diff(ramp) == 0)

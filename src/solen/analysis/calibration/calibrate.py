@@ -105,7 +105,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
-    """Sensors to calibrate: the named sensor, or all those with a lens and a warning about the others."""
+    """Return the sensors to calibrate: the named sensor, or all those with a lens and a warning about the others."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
         sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
@@ -169,7 +169,7 @@ def _file(
 
 
 def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Summary of a cross-validation in words, with its limits."""
+    """Return the summary of a cross-validation in words, with its limits."""
     if check is None:
         return ()
     one, sign = check.whole, stimulus.sign
@@ -183,7 +183,7 @@ def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | 
 
 
 def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[Caution]:
-    """Warnings about the limits of a sensor's calibration."""
+    """Return warnings about the limits of a sensor's calibration."""
     warnings = []
     if check is None:
         warnings.append(
@@ -224,7 +224,7 @@ def _cell(runs: Sequence[Run]) -> Cell | None:
 
 
 def default_path(recordings: Sequence[Path], sensor: str) -> Path:
-    """Default path of a calibration file, next to its recording.
+    """Return the default path of a calibration file, next to its recording.
 
     Raises
     ------

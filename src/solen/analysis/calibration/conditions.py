@@ -30,7 +30,7 @@ class ConditionOptions(Options):
 def conditions(
     sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
 ) -> tuple[Motion, Circuit]:
-    """Return the motion and circuit of a sensor's recording; None for a condition that is not specified.
+    """Return the motion and circuit of a sensor's recording, or None for a condition that is not specified.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def conditions(
 
 
 def header_of(provenance: Provenance) -> dict[str, Any]:
-    """Header written by a bench at the start of a run; empty for recordings from other programs."""
+    """Return the header written by a bench at the start of a run; empty for recordings from other programs."""
     try:
         header = json.loads(provenance.metadata.get("header", "{}"))
     except ValueError:
@@ -70,7 +70,7 @@ def header_of(provenance: Provenance) -> dict[str, Any]:
 
 
 def _design_text(header: dict[str, Any], sensor: str) -> str:
-    """Text of a sensor's design in the header; if the sensor is not listed, the text of the only design."""
+    """Return the text of a sensor's design in the header; if the sensor is not listed, the text of the only design."""
     designs = header.get("designs", {})
     name = next((one.get("design") for one in header.get("sensors", ()) if one.get("name") == sensor), None)
     if name is None and len(designs) == 1:
@@ -79,7 +79,7 @@ def _design_text(header: dict[str, Any], sensor: str) -> str:
 
 
 def _design(text: str) -> Design | None:
-    """Design parsed from the text in a header; None if it is missing or cannot be read by this version of solen."""
+    """Return the design parsed from the text in a header, or None if it is missing or cannot be read by this version of solen."""
     try:
         return loads(text, what="the recording's design") if text else None
     except SolenError:

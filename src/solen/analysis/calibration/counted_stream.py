@@ -102,7 +102,7 @@ class CountedStream(Generic[K]):
             self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
 
     def _flag_warnings(self, meanings: Mapping[str, str], always: tuple[str, ...]) -> Iterator[Caution]:
-        """Warnings about flags that many readings have, or that any reading has if the flag must always be reported."""
+        """Yield warnings about flags that many readings have, or that any reading has if the flag must always be reported."""
         for name, meaning in meanings.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)

@@ -108,7 +108,7 @@ def merged(name: str, parts: Sequence[Part]) -> Part:
 
 
 def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:
-    """Errors of decoded angles, and the fractions of bands that contain the true angles."""
+    """Return the errors of decoded angles, and the fractions of bands that contain the true angles."""
     errors = decoded.angle_deg - true_deg
     return Part(
         name=name,

@@ -80,7 +80,7 @@ class Decoded:
     other_probability: FloatArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles.
+        """Return whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles.
 
         At the 95 % level, the band of any interval may contain the angle.
         """
@@ -172,7 +172,7 @@ class Decoder:
         return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
 
     def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Standard deviation of an angle due to the noise of a single reading, (n,)."""
+        """Return the standard deviation of an angle due to the noise of a single reading, (n,)."""
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
@@ -203,7 +203,7 @@ class Decoder:
         return _joined(parts).selected(np.argsort(np.concatenate(rows)))
 
     def _metric(self, marks: tuple[int, int]) -> _Metric:
-        """Linear forms of the receivers that are not clipped."""
+        """Return the linear forms of the receivers that are not clipped."""
         key = (marks[0] == 0, marks[1] == 0)
         if key not in self._metrics:
             self._metrics[key] = self._new_metric(np.flatnonzero(key))
@@ -225,13 +225,13 @@ class Decoder:
         return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
 
     def _form(self, direction: FloatArray, whiten: FloatArray) -> FloatArray:
-        """Component of the whitened voltages from each segment's start along a direction, as a linear form (3, 2 k)."""
+        """Return the component of the whitened voltages from each segment's start along a direction, as a linear form (3, 2 k)."""
         slope = np.einsum("dki,kij->dkj", direction, whiten)
         level = -(slope * self._start).sum(axis=-1, keepdims=True)
         return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
 
     def _allowed(self, top: FloatArray, piece: slice | IndexArray, constant: FloatArray, size: int) -> FloatArray:
-        """Squared distance beyond which the likelihood is negligible."""
+        """Return the squared distance beyond which the likelihood is negligible."""
         freedom = self._freedom[piece]
         most = np.minimum(2.0 * (constant[piece] - top + _DROP) / (freedom + size), 500.0)
         return np.asarray(freedom * np.expm1(most))
@@ -257,7 +257,7 @@ class Decoder:
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
     ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-        """Pairs of a reading and a nearby segment, with the position along the segment and the squared distance."""
+        """Return the pairs of a reading and a nearby segment, with the position along the segment and the squared distance."""
         three = np.column_stack([volts, np.ones(len(volts))])
         along = three @ metric.along
         distance = three @ metric.aside
@@ -278,19 +278,19 @@ class Decoder:
         return row, place, along[row, place], distance[row, place]
 
     def _log_likelihood(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
-        """Logarithm of the t distribution, without the constant."""
+        """Return the logarithm of the t distribution, without the constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
     def _point(self, place: IndexArray, along: FloatArray) -> FloatArray:
-        """Voltages of the curve at positions along its segments, (..., 2)."""
+        """Return the voltages of the curve at positions along its segments, (..., 2)."""
         start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
     def _log_clipping(
         self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]
     ) -> FloatArray:
-        """Log-probability that clipped receivers would read their limit."""
+        """Return the log-probability that clipped receivers would read their limit."""
         found = np.zeros(piece.shape)
         for place, mark in enumerate(marks):
             if mark:
@@ -307,7 +307,7 @@ class Decoder:
         top: FloatArray,
         metric: _Metric,
     ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Angle intervals whose likelihood is not far below the maximum: reading index, and limits in degrees."""
+        """Return the angle intervals whose likelihood is not far below the maximum: reading index, and limits in degrees."""
         piece, square = place % self.pieces, metric.square[place]
         over = along - np.clip(along, 0.0, 1.0)
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
@@ -364,7 +364,7 @@ class Decoder:
     def _density(
         self, volts: FloatArray, row: IndexArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
     ) -> FloatArray:
-        """Likelihood at angles (m, p) for the readings ``row`` (m,), relative to the maximum of each reading."""
+        """Return the likelihood at angles (m, p) for the readings ``row`` (m,), relative to the maximum of each reading."""
         where = (angle_deg - self.nodes_deg[0]) / self._width
         piece = np.clip(where.astype(np.intp), 0, self.pieces - 1)
         held = where - piece
@@ -386,7 +386,7 @@ class Decoder:
         return np.asarray(sum(np.exp(law - highest[row, None]) for law in both))
 
     def _reading_noise(self, calibration: Calibration) -> FloatArray:
-        """Standard deviation of the decoded angle due to noise alone, for each segment."""
+        """Return the standard deviation of the decoded angle due to noise alone, for each segment."""
         middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
         slope = self._step.mean(axis=0) / self._width
         toward = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
@@ -396,7 +396,7 @@ class Decoder:
 
 
 def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
-    """Angles between which the curve is straight to within the tolerance."""
+    """Return the angles between which the curve is straight to within the tolerance."""
     bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
     most = float(np.max(bend / (_FLAT * sd)))
@@ -406,14 +406,14 @@ def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
 
 
 def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -> FloatArray:
-    """Matrices (g, 2, 2) at other angles, interpolated linearly."""
+    """Return the matrices (g, 2, 2) at other angles, interpolated linearly."""
     place = np.clip(np.searchsorted(grid, where) - 1, 0, grid.size - 2)
     share = ((where - grid[place]) / (grid[place + 1] - grid[place]))[:, None, None]
     return np.asarray((1.0 - share) * matrices[place] + share * matrices[place + 1])
 
 
 def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Limits of the shortest band at each level, (m, 2): where the density crosses the enclosing height."""
+    """Return the limits of the shortest band at each level, (m, 2): where the density crosses the enclosing height."""
     ordered = -np.sort(-density, axis=1)
     total = np.cumsum(ordered, axis=1) - 0.5 * ordered
     rows, last = np.arange(len(density)), density.shape[1] - 1
@@ -431,7 +431,7 @@ def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _crossing(density: FloatArray, grid: FloatArray, place: IndexArray, side: int, height: FloatArray) -> FloatArray:
-    """Angle beyond the outermost point above a height at which the density falls below it, or the end of the grid."""
+    """Return the angle beyond the outermost point above a height at which the density falls below it, or the end of the grid."""
     rows = np.arange(len(grid))
     beyond = np.clip(place + side, 0, grid.shape[1] - 1)
     inner, outer = density[rows, place], density[rows, beyond]

@@ -108,7 +108,7 @@ class Calibration:
         return self.noise + self.repeat + self.between
 
     def t_distribution(self) -> tuple[FloatArray, FloatArray]:
-        """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
+        """Return the scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
 
         The degrees of freedom of the sum follow Satterthwaite, with the components weighted by their fractions of the
         angle variance. A prediction of two variables with an estimated covariance then has one degree of freedom less
@@ -128,7 +128,7 @@ class Calibration:
 
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
-    """Curves (2, g, 2) interpolated at angles (n,), monotonic between monotonic points (Fritsch and Carlson)."""
+    """Return the curves (2, g, 2) interpolated at angles (n,), monotonic between monotonic points (Fritsch and Carlson)."""
     return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
 
 
@@ -176,7 +176,7 @@ def calibrated(training: Training) -> Calibration:
 
 
 def _deviations(training: Training, cycle: int, own: Samples) -> FloatArray:
-    """Difference of a cycle's samples from the mean of the other cycles, (n, 2)."""
+    """Return the difference of a cycle's samples from the mean of the other cycles, (n, 2)."""
     others = mean_curves(np.delete(training.cycles_V, cycle, axis=0))
     held = np.isfinite(others).all(axis=(0, 2))
     angle = training.angle_deg[held]
@@ -185,12 +185,12 @@ def _deviations(training: Training, cycle: int, own: Samples) -> FloatArray:
 
 
 def _squares(rest: FloatArray) -> FloatArray:
-    """Products of the two columns of (n, 2): left·left, left·right, right·right."""
+    """Return the products of the two columns of (n, 2): left·left, left·right, right·right."""
     return np.column_stack([rest[:, 0] ** 2, rest[:, 0] * rest[:, 1], rest[:, 1] ** 2])
 
 
 def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean covariance about each angle, (g, 2, 2), and the effective number of samples used for it, (g,).
+    """Return the mean covariance about each angle, (g, 2, 2), and the effective number of samples used for it, (g,).
 
     Each of ``rows`` contains an angle and three products. The weights are a triangle that is as narrow as the number of
     samples allows.
@@ -259,7 +259,7 @@ def pooled(ones: Sequence[Calibration]) -> Calibration:
 
 
 def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
-    """Angles common to all grids, and their indices in each grid."""
+    """Return the angles common to all grids, and their indices in each grid."""
     keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
     shared = sorted(set.intersection(*(set(key) for key in keys)))
     if len(shared) < 5:
@@ -269,13 +269,13 @@ def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
 
 
 def _between(curves: FloatArray) -> FloatArray:
-    """Covariance (g, 2, 2) between the curves (p, g, 2) of several prints."""
+    """Return the covariance (g, 2, 2) between the curves (p, g, 2) of several prints."""
     apart = curves - curves.mean(axis=0)
     found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
     return _shrunk(found, 1.0 / (len(curves) - 1))
 
 
 def _shrunk(covariance: FloatArray, share: float) -> FloatArray:
-    """Covariances shrunk towards equal variances, because a few cycles or prints hardly determine a correlation."""
+    """Return the covariances shrunk towards equal variances, because a few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

@@ -210,12 +210,12 @@ class CalibrationFile(Strict):
         )
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data of the file; the keys end in the file's units."""
+        """Return the plain data of the file; the keys end in the file's units."""
         return self.stimulus_of.keyed(in_unit(data, self.unit))
 
 
 def curves_of(calibration: Calibration) -> Curves:
-    """Curves and covariances in the form stored in the file."""
+    """Return the curves and covariances in the form stored in the file."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
         rising_V=rows_as_tuples(calibration.curves_V[0]),
@@ -228,12 +228,12 @@ def curves_of(calibration: Calibration) -> Curves:
 
 
 def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
-    """Lowest and highest recordable voltages, with None for unknown values."""
+    """Return the lowest and highest recordable voltages, with None for unknown values."""
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
 def rows_as_tuples(values: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Rows of a matrix in the form stored in a file."""
+    """Return the rows of a matrix in the form stored in a file."""
     return tuple(tuple(row) for row in values.tolist())
 
 
@@ -246,7 +246,7 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 
 
 def text_of(file: CalibrationFile) -> str:
-    """Text of the calibration file."""
+    """Return the text of the calibration file."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
     return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
@@ -287,7 +287,7 @@ def tuples(value: Any) -> Any:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of the file."""
+    """Return the JSON Schema of the file."""
     found = CalibrationFile.model_json_schema()
     found["properties"]["schema"] = {"const": SCHEMA, "description": "File format version.", "type": "integer"}
     found["required"] = ["schema", *found["required"]]
@@ -295,7 +295,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """Phrases for differences between a recording and the calibrated recording, and names of unknown conditions."""
+    """Return the phrases for differences between a recording and the calibrated recording, and names of unknown conditions."""
     other, unknown = [], []
     for name, mine, theirs in (
         ("kind of motion", ours.motion.kind, motion.kind),
@@ -323,7 +323,7 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _pressed(drives: str | None) -> str | None:
-    """Name of the finger, pull or clamp that is driven; depth and force of the same finger are the same motion."""
+    """Return the name of the finger, pull or clamp that is driven; depth and force of the same finger are the same motion."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

@@ -64,7 +64,7 @@ def _whole(ramp: Ramp, noise: float, size: int) -> Ramp:
 
 
 def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
-    """Cycles that begin and end with the same ramps as before."""
+    """Return the cycles that begin and end with the same ramps as before."""
     begins = {old.start: new.start for old, new in zip(motion.ramps, ramps, strict=True)}
     ends = {old.stop: new.stop for old, new in zip(motion.ramps, ramps, strict=True)}
     return tuple(
@@ -74,13 +74,13 @@ def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
 
 
 def _held(force: FloatArray, noise: float) -> FloatArray:
-    """Mean force of a hold, or a straight line if the force drifts, as it does on a soft body."""
+    """Return the mean force of a hold, or a straight line if the force drifts, as it does on a soft body."""
     place = np.arange(force.size) - 0.5 * (force.size - 1)
     drift, u = float(place @ force / (place @ place)), noise / math.sqrt(float(place @ place))
     return np.asarray(force.mean() + (drift * place if abs(drift) > _DRIFTS * u else 0.0 * place))
 
 
 def _line(force: FloatArray, wanted: float) -> FloatArray:
-    """Forces from straight lines fitted over as many neighbours as are needed to leave little noise."""
+    """Return the forces from straight lines fitted over as many neighbours as are needed to leave little noise."""
     window = int(min(wanted, force.size / _PART)) | 1
     return force if window < 3 else np.asarray(savgol_filter(force, window, 1, mode="interp"))

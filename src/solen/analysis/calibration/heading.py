@@ -28,7 +28,7 @@ class Headings:
     rises: FloatArray
 
     def words(self) -> list[str]:
-        """``rising``, ``falling`` or an empty string for each angle."""
+        """Return ``rising``, ``falling`` or an empty string for each angle."""
         return ["rising" if rise >= SURE else "falling" if rise <= 1.0 - SURE else "" for rise in self.rises.tolist()]
 
 
@@ -40,7 +40,7 @@ class Tracker:
         self._kept = np.zeros((0, 3))
 
     def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
-        """Slopes at the next angles of the stream, (n,), whose times must not decrease."""
+        """Return the slopes at the next angles of the stream, (n,), whose times must not decrease."""
         if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # the clock was reset
             self._kept = self._kept[:0]
         rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])

@@ -13,7 +13,7 @@ from solen.arrays import FloatArray
 
 
 def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:
-    """Probability of each evenly spaced angle (m,) in the calibrated range for a left and right reading (2,)."""
+    """Return the probability of each evenly spaced angle (m,) in the calibrated range for a left and right reading (2,)."""
     grid = calibration.angle_deg
     curves = at_angles(grid, calibration.curves_V, angle_deg)
     scale, known = calibration.t_distribution()

@@ -198,7 +198,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         return "".join(_rows(batch.time_s, good, decoded, headings, sides=self._known.stimulus_of is ANGLE))
 
     def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
-        """1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
+        """Return 1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
         volts = batch.volts[good]
         marks = np.zeros(volts.shape, dtype=np.int8)
         if batch.clipped is not None:
@@ -222,7 +222,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
                 self._parts.append(part_of("source", true[kept], decoded.selected(np.flatnonzero(kept))))
 
     def result(self, *, interrupted: bool) -> Decoding:
-        """Return the summary of the decoded stream; `DataError` if there was no reading."""
+        """Return the summary of the decoded stream; raise `DataError` if there was no reading."""
         if not self.counts["readings"]:
             raise DataError(self._source, limit="holds no reading", remedy="check its columns")
         low, high = self._range_deg
@@ -245,14 +245,14 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         )
 
     def _cell_notes(self) -> Iterator[Caution]:
-        """Note on the error that a comparison with the recorded force does not show."""
+        """Yield the note on the error that a comparison with the recorded force does not show."""
         cell = self._known.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
-    """Warnings if the calibration must not be used, differs from the source, or cannot be compared with the source."""
+    """Yield warnings if the calibration must not be used, differs from the source, or cannot be compared with the source."""
     yield from (prefixed("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
@@ -278,7 +278,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
 
 
 def _last(name: str) -> str:
-    """Sensor name without the file name."""
+    """Return the sensor name without the file name."""
     return name.rpartition(".")[2]
 
 

@@ -111,7 +111,7 @@ def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
 
 
 def _has(recording: Recording, options: SignalOptions) -> bool:
-    """Whether a recording contains true values of the stimulus; volts count only with a load cell calibration."""
+    """Return whether a recording contains true values of the stimulus; volts count only with a load cell calibration."""
     name = options.against or ANGLE.name
     if getattr(options, STIMULI[name].column) is not None or column_of(recording, name) is not None:
         return True
@@ -126,7 +126,7 @@ def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Pro
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
-    """The requested sensor; by default the calibrated sensor, or else the only sensor."""
+    """Return the requested sensor; by default the calibrated sensor, or else the only sensor."""
     for wanted in filter(None, (sensor, calibrated)):
         named = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
         if named:
@@ -207,7 +207,7 @@ class _Layout:
 
 
 def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
-    """Column of the left or right receiver."""
+    """Return the column of the left or right receiver."""
     named = next((column for name, column in options.named_receivers if side_of(name) == side), None)
     if named is not None:
         return named_column(header, named, "--channel")

@@ -173,7 +173,7 @@ class BoardTable:
         return np.array([space["decode"](left, right)[0] for left, right in volts.tolist()])
 
     def off_deg(self, calibration: Calibration) -> tuple[float, float]:
-        """Largest deviation from the full decoder along the curve, in degrees and in standard uncertainties."""
+        """Return the largest deviation from the full decoder along the curve, in degrees and in standard uncertainties."""
         nodes = np.append(self.pieces[:, 0], self.pieces[-1, 0] + self.pieces[-1, 1])
         angle = np.linspace(nodes[0], nodes[-1], TRIED * len(self.pieces) + 1)[TRIED:-TRIED]
         volts = at_angles(calibration.angle_deg, calibration.curves_V.mean(axis=0)[None], angle)[0]

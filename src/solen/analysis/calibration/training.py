@@ -78,19 +78,19 @@ class Training:
         return int(self.cycles_V.shape[0])
 
     def only(self, kept: BoolArray) -> "Training":
-        """Training data of the cycles selected by a mask (cycles,)."""
+        """Return the training data of the cycles selected by a mask (cycles,)."""
         number = np.cumsum(kept) - 1
         samples = rows_of(self.samples, kept[self.samples.cycle])
         samples = replace(samples, cycle=number[samples.cycle])
         return replace(self, cycles_V=self.cycles_V[kept], samples=samples)
 
     def curves_V(self) -> FloatArray:
-        """Mean of the rising and of the falling sweeps over the cycles, (2, g, 2)."""
+        """Return the mean of the rising and of the falling sweeps over the cycles, (2, g, 2)."""
         return mean_curves(self.cycles_V)
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Mean over the first axis, ignoring NaN; a direction without readings is replaced by the opposite direction."""
+    """Return the mean over the first axis, ignoring NaN; a direction without readings is replaced by the opposite direction."""
     held = np.isfinite(cycles_V)
     count = held.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -159,12 +159,12 @@ def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
 
 
 def _stretch(good: BoolArray) -> tuple[int, int]:
-    """Slice bounds of the longest run."""
-    return max(flag_runs(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
+    """Return the slice bounds of the longest run."""
+    return max(stretches(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Samples of all runs between two angles, excluding clipped samples, and the voltages of the clipped samples."""
+    """Return the samples of all runs between two angles, excluding clipped samples, and the voltages of the clipped samples."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     cycle = 0
@@ -183,13 +183,13 @@ def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, 
 
 
 def _used(run: Run) -> list[IndexArray]:
-    """Indices of the samples of each used cycle."""
+    """Return the indices of the samples of each used cycle."""
     cycles = [run.motion.cycles[number] for number in run.used]
     return [np.arange(cycle.start, cycle.stop, dtype=np.intp) for cycle in cycles]
 
 
 def _ways(motion: Motion, size: int) -> IndexArray:
-    """Direction of each sample: 0 from a rising ramp to the next, 1 from a falling ramp, −1 before the first ramp."""
+    """Return the direction of each sample: 0 from a rising ramp to the next, 1 from a falling ramp, −1 before the first ramp."""
     ways = np.full(size, -1, dtype=np.intp)
     starts = [ramp.start for ramp in motion.ramps]
     for ramp, stop in zip(motion.ramps, [*starts[1:], size], strict=True):
@@ -198,7 +198,7 @@ def _ways(motion: Motion, size: int) -> IndexArray:
 
 
 def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:
-    """Rails of each receiver, (2, 2), including those inferred from samples clipped below or above the others."""
+    """Return the rails of each receiver, (2, 2), including those inferred from samples clipped below or above the others."""
     found = rails.copy()
     for place in range(2):
         flags = clipped[:, place]

@@ -39,7 +39,7 @@ class Averaged:
 
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
-    """Smallest number of readings that spans whole mains periods; `DataError` if no number up to 1000 does."""
+    """Return the smallest number of readings that spans whole mains periods; raise `DataError` if no number up to 1000 does."""
     if not math.isfinite(period_s):
         raise DataError(
             "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="omit it"
@@ -75,7 +75,7 @@ def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
 
 
 def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
-    """Uncertainty of the means; with one emitter, successive readings share the "off" slot between them."""
+    """Return the uncertainty of the means; with one emitter, successive readings share the "off" slot between them."""
     off = slots.time_s[slots.state == OFF]
     per_period = max(1, round(result.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
     off_sd = slot_sd(slots, readings * per_period)
@@ -85,7 +85,7 @@ def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> F
 
 
 def _of_emitter(result: Demodulated, emitter: int, readings: int) -> IndexArray:
-    """Indices (B, readings) of blocks without a gap, i.e. with consecutive numbers on the emitter's clock."""
+    """Return the indices (B, readings) of blocks without a gap, i.e. with consecutive numbers on the emitter's clock."""
     places = np.flatnonzero(result.of(emitter))
     if not places.size or not math.isfinite(result.period_s):
         return np.empty((0, readings), dtype=np.intp)

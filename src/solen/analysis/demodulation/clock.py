@@ -75,7 +75,7 @@ class Clock(Result):
     between_share: float = 0.0
 
     def states(self, settle_s: float, emitters: int = 1) -> IntArray:
-        """State of each sample, (N,); samples that are settling or at an edge are dropped.
+        """Return the state of each sample, (N,); samples that are settling or at an edge are dropped.
 
         Edge positions lie between two samples and have a jitter, of which three standard uncertainties are excluded. If
         the recorder and the emitters share a clock, the sample at an edge may be on either side of the edge.
@@ -177,7 +177,7 @@ def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Cl
 
 
 def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[float]:
-    """Frequencies of the strongest spectral lines in the first seconds, in descending order of their amplitude."""
+    """Return the frequencies of the strongest spectral lines in the first seconds, in descending order of their amplitude."""
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     frequency = np.fft.rfftfreq(last, float(start[last - 1]) / (last - 1))
     power = np.abs(np.fft.rfft((signal[:last] - signal[:last].mean()) * np.hanning(last)))
@@ -204,7 +204,7 @@ def _check(time_s: FloatArray, rate_hz: float) -> None:
 
 
 def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
-    """Frequency of the strongest spectral line near the specified rate in the first seconds, by zero padding."""
+    """Return the frequency of the strongest spectral line near the specified rate in the first seconds, by zero padding."""
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     values = signal[:last] - signal[:last].mean()
     step = float(start[last - 1]) / (last - 1)
@@ -218,7 +218,7 @@ def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
 def _followed(
     start: FloatArray, signal: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-    """Midpoint of each block, its phase relative to a clock with that rate, and the modulation-to-noise ratio.
+    """Return the midpoint of each block, its phase relative to a clock with that rate, and the modulation-to-noise ratio.
 
     The phase is in periods. The last returned value is the signal minus the mean of each block, which removes a drift
     of the room light.
@@ -238,14 +238,14 @@ def _followed(
 
 
 def _noise(start: FloatArray, level: FloatArray, rate_hz: float, block: IntArray, count: IntArray) -> float:
-    """Noise of the blocks at three quarters of the line frequency, where a switched signal has no harmonic."""
+    """Return the noise of the blocks at three quarters of the line frequency, where a switched signal has no harmonic."""
     turning = np.exp(-2j * np.pi * 0.7309 * rate_hz * start)
     real, imaginary = (np.bincount(block, level * part) / count for part in (turning.real, turning.imag))
     return float(np.median(np.hypot(real, imaginary)))
 
 
 def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
-    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in periods, without drift."""
+    """Return the slope of the phase in Hz with its uncertainty, and the noise of a block's phase in periods, without drift."""
     if len(middle) < 3:
         return float((turns[-1] - turns[0]) / (middle[-1] - middle[0])) if len(middle) > 1 else 0.0, np.inf, 0.0
     bends = turns[1:-1] - 0.5 * (turns[:-2] + turns[2:])
@@ -256,7 +256,7 @@ def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
 
 
 def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatArray:
-    """Phase at every sample, interpolated between the block midpoints and extrapolated at both ends."""
+    """Return the phase at every sample, interpolated between the block midpoints and extrapolated at both ends."""
     if len(middle) == 1:
         return np.full_like(start, turns[0])
     found = np.interp(start, middle, turns)
@@ -268,7 +268,7 @@ def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatA
 
 
 def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray:
-    """Mean signal over the phase, in bins of one or several periods."""
+    """Return the mean signal over the phase, in bins of one or several periods."""
     bins = turns * BINS
     place = np.floor((phase % turns) * BINS).astype(np.int64) % bins
     count = np.bincount(place, minlength=bins)
@@ -278,7 +278,7 @@ def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray
 
 
 def _between_share(phase: FloatArray, signal: FloatArray, emitters: int) -> float:
-    """Fraction of a period in which the signal is between a quarter and three quarters of each emitter's height."""
+    """Return the fraction of a period in which the signal is between a quarter and three quarters of each emitter's height."""
     waves = _folded(phase, signal, emitters).reshape(emitters, BINS)
     low, high = np.percentile(waves, [10, 90], axis=1)
     above = waves - 0.5 * (low + high)[:, None]
@@ -301,7 +301,7 @@ def _check_once(folded: FloatArray, rate_hz: float) -> None:
 
 
 def _edges(folded: FloatArray) -> tuple[float, float, float]:
-    """Phase of the rising edge in the folded signal, fraction of the signal above half height, and signal height."""
+    """Return the phase of the rising edge in the folded signal, fraction of the signal above half height, and signal height."""
     low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)
@@ -309,7 +309,7 @@ def _edges(folded: FloatArray) -> tuple[float, float, float]:
 
 
 def _crossing(above: FloatArray) -> float:
-    """Phase of the steepest crossing from below to above zero, interpolated between bins."""
+    """Return the phase of the steepest crossing from below to above zero, interpolated between bins."""
     following = np.roll(above, -1)
     candidates = np.flatnonzero((above < 0.0) & (following >= 0.0))
     if not candidates.size:

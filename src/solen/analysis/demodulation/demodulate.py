@@ -290,7 +290,7 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
 
 
 def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
-    """Warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
+    """Return a warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < MIN_TO_COMPARE or not (off > SWAPPED * on).all():

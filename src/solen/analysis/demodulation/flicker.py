@@ -102,7 +102,7 @@ def find_flicker(
 
 
 def _late(state: IntArray) -> BoolArray:
-    """Samples that are not in the first part of a run with one state."""
+    """Return the samples that are not in the first part of a run with one state."""
     starts = np.flatnonzero(np.diff(state, prepend=state[0] - 1))
     lengths = np.diff(np.append(starts, state.size))
     inside = np.arange(state.size) - np.repeat(starts, lengths)
@@ -110,7 +110,7 @@ def _late(state: IntArray) -> BoolArray:
 
 
 def _distance_hz(hz: float, rate_hz: float) -> float:
-    """Signed distance of a frequency from the nearest multiple of a rate."""
+    """Return the signed distance of a frequency from the nearest multiple of a rate."""
     return (hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz
 
 
@@ -123,7 +123,7 @@ class _OffSamples:
     late: BoolArray
 
     def windows(self) -> list[tuple[float, slice]]:
-        """Midpoints and samples of windows that overlap by half."""
+        """Return the midpoints and samples of windows that overlap by half."""
         if not self.time_s.size:
             return []
         hop = 0.5 * WINDOW_S
@@ -135,7 +135,7 @@ class _OffSamples:
         return [(float(t), slice(int(a), int(b))) for t, a, b in zip(middles, *places, strict=True)]
 
     def without_means(self, values: FloatArray) -> FloatArray:
-        """Values at the "off" samples (n, k) minus their mean over each half window."""
+        """Return the values at the "off" samples (n, k) minus their mean over each half window."""
         place = ((self.time_s - self.time_s[0]) / (0.5 * WINDOW_S)).astype(np.int64)
         count = np.maximum(np.bincount(place), 1)
         return np.column_stack([one - (np.bincount(place, one) / count)[place] for one in values.T])
@@ -159,18 +159,18 @@ class _Fit:
         return np.asarray(np.sqrt(self.power))
 
     def order(self, time_s: FloatArray, order: int) -> _Complex:
-        """Complex sine of an order at the specified times, (n, C), interpolated between the window midpoints."""
+        """Return the complex sine of an order at the specified times, (n, C), interpolated between the window midpoints."""
         own = self.sines[:, self.orders.index(order)]
         turning = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
         slow = [np.interp(time_s, self.middle_s, part) for one in own.T for part in (one.real, one.imag)]
         return np.asarray(np.column_stack([a + 1j * b for a, b in zip(slow[::2], slow[1::2], strict=True)]) * turning)
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Sum of all orders at the specified times, (n, C)."""
+        """Return the sum of all orders at the specified times, (n, C)."""
         return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
 
     def multiple(self, time_s: FloatArray, off_samples: _OffSamples, times: int, drifts: bool) -> FloatArray:
-        """Fitted multiple (n, C) of the lamp's phase at the specified times, with the lamp's amplitude variation."""
+        """Return the fitted multiple (n, C) of the lamp's phase at the specified times, with the lamp's amplitude variation."""
         if not drifts:
             off_samples = rows_of(off_samples, off_samples.late)
         left = off_samples.without_means(off_samples.values - self.at(off_samples.time_s))
@@ -185,13 +185,13 @@ class _Fit:
 
 
 def _powers(sine: _Complex, times: int) -> _Complex:
-    """Sine of a multiple of the phase, with the original sine's amplitude."""
+    """Return the sine of a multiple of the phase, with the original sine's amplitude."""
     height = np.abs(sine)
     return np.asarray(height * (sine / np.where(height > 0.0, height, 1.0)) ** times)
 
 
 def _fitted(off_samples: _OffSamples, nominal: float, rate_hz: float) -> _Fit | None:
-    """Significant sines at multiples of a nominal mains frequency; None if there are none."""
+    """Return the significant sines at multiples of a nominal mains frequency, or None if there are none."""
     free = tuple(order for order in ORDERS if abs(_distance_hz(order * nominal, rate_hz)) > NEAR_RATE_HZ)
     sines, mains = _sines(off_samples, nominal, free), nominal
     if sines is None:
@@ -220,17 +220,17 @@ class _Sines:
     variance: FloatArray
 
     def power(self) -> FloatArray:
-        """Mean square amplitude, corrected for noise, (k, C)."""
+        """Return the mean square amplitude, corrected for noise, (k, C)."""
         return np.asarray(np.maximum((np.abs(self.heights) ** 2 - self.variance).mean(axis=0), 0.0))
 
     def clear(self) -> FloatArray:
-        """Ratio of the power of each order to its uncertainty, for the channel with the largest ratio, (k,)."""
+        """Return the ratio of the power of each order to its uncertainty, for the channel with the largest ratio, (k,)."""
         u = self.variance.mean(axis=0) / np.sqrt(max(len(self.middle_s) / 2.0, 1.0))
         return np.asarray((self.power() / np.where(u > 0.0, u, np.inf)).max(axis=1))
 
 
 def _sines(off_samples: _OffSamples, mains_hz: float, orders: tuple[int, ...]) -> _Sines | None:
-    """Sines of the orders in each window with enough samples."""
+    """Return the sines of the orders in each window with enough samples."""
     numbers = 2 + 2 * len(orders)
     hz = mains_hz * np.array(orders)
     middles, heights, variances = [], [], []
@@ -257,7 +257,7 @@ def _sines(off_samples: _OffSamples, mains_hz: float, orders: tuple[int, ...]) -
 
 
 def _drift_hz(sines: _Sines, place: int) -> float:
-    """Frequency offset of an order, from its phase change between windows."""
+    """Return the frequency offset of an order, from its phase change between windows."""
     own = sines.heights[:, place]
     steps = np.diff(sines.middle_s)
     if not steps.size:

@@ -74,7 +74,7 @@ class Switched:
         return self.slot_s if self.means is None else self.means.readings * self.readings.period_s
 
     def beside(self, values: FloatArray) -> FloatArray:
-        """Means (M, k) of other columns (N, k) over the samples in each reading."""
+        """Return the means (M, k) of other columns (N, k) over the samples in each reading."""
         other = _slots(self.samples, values)
         own = other.mean[self.readings.slot]
         return own if self.means is None else np.asarray(own[self.means.places].mean(axis=1))
@@ -124,13 +124,13 @@ def switched(
 
 
 def _slots(samples: Samples, values: FloatArray, at_limit: BoolArray | None = None) -> Slots:
-    """Slots of additional values recorded with the samples."""
+    """Return the slots of additional values recorded with the samples."""
     settle_s, gap_s = samples.slot_settle_s, samples.gap_s
     return slots_of(samples.time_s, values, samples.state, settle_s=settle_s, clipped=at_limit, gap_s=gap_s)
 
 
 def _rate_hz(slots: Slots) -> float:
-    """Rate of the "on" slots."""
+    """Return the rate of the "on" slots."""
     on = slots.time_s[slots.state > OFF]
     return 1.0 / float(np.median(np.diff(on))) if on.size > 1 else np.inf
 
@@ -138,7 +138,7 @@ def _rate_hz(slots: Slots) -> float:
 def limits_of(
     samples: Samples, rails: tuple[float | None, float | None] = (None, None)
 ) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
-    """Clipping limits of each channel, both (C,), and whether each channel is at one of its limits in the dark.
+    """Return the clipping limits of each channel, both (C,), and whether each channel is at one of its limits in the dark.
 
     The limits are as specified, or detected from the frequency of extreme values. The most frequent dark value is the
     circuit's level without light; only samples with a different value can be clipped.
@@ -166,7 +166,7 @@ def _off_and_on(samples: Samples) -> tuple[BoolArray, BoolArray]:
 
 
 def _upper_limit(values: FloatArray) -> float:
-    """Largest value, if it occurs far more often in a channel than the next largest value; otherwise inf."""
+    """Return the largest value, if it occurs far more often in a channel than the next largest value; otherwise inf."""
     count = int((values == values.max()).sum())
     distinct = np.unique(values[:: max(1, len(values) // 100_000)])
     if count < AT_EXTREME or len(distinct) < DISTINCT:

@@ -27,7 +27,7 @@ KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 def gain(
     frequency_hz: FloatArray | float, period_s: float, window_s: float, kernel: Kernel = "two-sided"
 ) -> FloatArray:
-    """Remaining amplitude of ambient light of amplitude 1, at the worst phase.
+    """Return the remaining amplitude of ambient light of amplitude 1, at the worst phase.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def gain(
 
 
 def mean_gain(frequency_hz: FloatArray | float, period_s: float, readings: int) -> FloatArray:
-    """Amplitude that remains in the mean of n successive readings for an amplitude of 1: sin(nωP/2)/(n sin(ωP/2))."""
+    """Return the amplitude that remains in the mean of n successive readings for an amplitude of 1: sin(nωP/2)/(n sin(ωP/2))."""
     half = np.pi * np.asarray(frequency_hz, dtype=float) * period_s
     bottom = readings * np.sin(half)
     flat = np.abs(bottom) < 1e-9
@@ -55,6 +55,6 @@ def mean_gain(frequency_hz: FloatArray | float, period_s: float, readings: int) 
 
 
 def rejection_dB(gains: FloatArray | float) -> FloatArray:
-    """Rejection in dB: 20 dB for a tenth of the amplitude, inf if nothing remains, negative if light is amplified."""
+    """Return the rejection in dB: 20 dB for a tenth of the amplitude, inf if nothing remains, negative if light is amplified."""
     with np.errstate(divide="ignore"):
         return np.asarray(-20.0 * np.log10(gains))

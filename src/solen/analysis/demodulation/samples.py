@@ -139,7 +139,7 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
 
 
 def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
-    """Other numeric columns, e.g. a stage angle, at the samples (N,), by header.
+    """Return the other numeric columns, e.g. a stage angle, at the samples (N,), by header.
 
     Missing numbers are interpolated; a column without numbers is omitted.
     """
@@ -167,7 +167,7 @@ def _time(recording: Recording, options: DemodulationOptions) -> Channel:
 
 
 def _channels(recording: Recording, options: DemodulationOptions, time: Channel) -> Sequence[Channel]:
-    """The named channels, or all voltages if none is named."""
+    """Return the named channels, or all voltages if none is named."""
     if options.channel:
         return [recording.channel(name) for name in dict.fromkeys(options.channel)]
     free = [channel for channel in recording.channels if channel.name != time.name]
@@ -179,7 +179,7 @@ def _channels(recording: Recording, options: DemodulationOptions, time: Channel)
 
 
 def _name_and_unit(channel: Channel) -> tuple[str, str]:
-    """Name and unit of a channel; a name such as ``right_V`` without a separate unit is split into name and unit."""
+    """Return the name and unit of a channel; a name such as ``right_V`` without a separate unit is split into name and unit."""
     stem, _, end = channel.name.rpartition("_")
     return (stem, end) if not channel.unit and stem and end in VOLTAGES else (channel.name, channel.unit)
 
@@ -189,7 +189,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States from a column of numbers or words; None if a rate is specified or there is no state column."""
+    """Return the states from a column of numbers or words, or None if a rate is specified or there is no state column."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)
@@ -211,7 +211,7 @@ def _states_of_numbers(channel: Channel) -> IntArray:
 
 
 def _state_of_word(text: str, row: int) -> int:
-    """State given by a word: off, on, on 2, emitter 2; an empty word is a sample without a state."""
+    """Return the state given by a word: off, on, on 2, emitter 2; an empty word is a sample without a state."""
     word = text.strip().casefold()
     if not word:
         return -1

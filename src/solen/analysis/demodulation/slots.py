@@ -59,7 +59,7 @@ def slots_of(
     clipped: BoolArray | None = None,
     gap_s: float | None = None,
 ) -> Slots:
-    """Group samples into slots.
+    """Return the group samples into slots.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def slots_of(
 
 
 def _single(time_s: FloatArray, values: FloatArray, state: IntArray, settle_s: float, at_limit: BoolArray) -> Slots:
-    """Slots of one sample each; empty if samples are discarded for settling."""
+    """Return the slots of one sample each; empty if samples are discarded for settling."""
     there = (state != DROPPED) & (settle_s <= 0.0)
     whole = bool(there.all())
     mean = values if whole else values[there]
@@ -145,14 +145,14 @@ def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
 
 
 def _begins(time_s: FloatArray, state: IntArray, gap_s: float | None) -> BoolArray:
-    """Whether a sample begins a slot, after a change of state or a gap in time."""
+    """Return whether a sample begins a slot, after a change of state or a gap in time."""
     steps = np.diff(time_s)
     usual = BREAK * float(np.median(steps)) if steps.size else 0.0
     return np.concatenate([[True], (np.diff(state) != 0) | (steps > max(usual, gap_s or 0.0))])
 
 
 def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
-    """Which samples (N, C) are at or beyond a limit of their channel."""
+    """Return which samples (N, C) are at or beyond a limit of their channel."""
     if limits is None:
         return np.broadcast_to(np.False_, values.shape)
     low, high = limits
@@ -161,7 +161,7 @@ def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) 
 
 
 def _scatter(values: FloatArray, valid: BoolArray, slot: IndexArray, states: IntArray) -> dict[int, FloatArray]:
-    """Noise of a sample inside slots, by state, from differences between neighbours, unaffected by slow changes."""
+    """Return the noise of a sample inside slots, by state, from differences between neighbours, unaffected by slow changes."""
     inside = slot[1:] == slot[:-1]
     there = valid[1:] & valid[:-1] & inside[:, None]
     squares = np.where(there, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2

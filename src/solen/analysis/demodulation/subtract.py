@@ -84,12 +84,12 @@ class Demodulated:
         return tuple(int(one) for one in np.unique(self.emitter))
 
     def of(self, emitter: int) -> BoolArray:
-        """Whether each reading belongs to an emitter, (M,)."""
+        """Return whether each reading belongs to an emitter, (M,)."""
         return np.asarray(self.emitter == emitter)
 
 
 def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
-    """Typical change of ambient light between an "off" slot and the next reading, (C,), corrected for noise.
+    """Return the typical change of ambient light between an "off" slot and the next reading, (C,), corrected for noise.
 
     It is half of the change between the "off" slots around a reading.
     """
@@ -161,7 +161,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Noise of an "off" slot (C,), from deviations from the line between its neighbours; NaN for fewer than three.
+    """Return the noise of an "off" slot (C,), from deviations from the line between its neighbours, or NaN for fewer than three.
 
     With a ``block``, the noise is estimated from the means of this many successive differences, and then excludes
     flicker with whole periods in a block. For independent slots, such a mean varies by the slot noise divided by the
@@ -184,7 +184,7 @@ def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
 
 
 def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArray, IndexArray, BoolArray]:
-    """Nearest "off" slots before and after each "on" slot, and whether they exist and are near, (M, 2)."""
+    """Return the nearest "off" slots before and after each "on" slot, and whether they exist and are near, (M, 2)."""
     place = np.searchsorted(off, on)
     first, last = place == 0, place == off.size
     before, after = off[np.maximum(place - 1, 0)], off[np.minimum(place, off.size - 1)]
@@ -202,14 +202,14 @@ def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArr
 def _share_of_after(
     time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, there: BoolArray
 ) -> FloatArray:
-    """Weight of the following "off" slot, (M,): linear in time between the two slots, or 0 or 1 if only one exists."""
+    """Return the weight of the following "off" slot, (M,): linear in time between the two slots, or 0 or 1 if only one exists."""
     both = there.all(axis=1)
     span = np.where(both, time_s[after] - time_s[before], 1.0)
     return np.where(both, (time_s[on] - time_s[before]) / span, np.where(there[:, 1], 1.0, 0.0))
 
 
 def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
-    """Noise of the "on" slots (M, C) of emitters (M,): the larger of the "off" slot noise and the sample noise.
+    """Return the noise of the "on" slots (M, C) of emitters (M,): the larger of the "off" slot noise and the sample noise.
 
     An illuminated receiver has more shot noise than a receiver in the dark.
     """
@@ -224,7 +224,7 @@ def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
 
 
 def _cadence(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
-    """Usual period of each emitter that has one, and the number of missing slots for each emitter."""
+    """Return the usual period of each emitter that has one, and the number of missing slots for each emitter."""
     periods, missing = [], {}
     for emitter in np.unique(slots.state[slots.state > OFF]).tolist():
         steps = np.diff(slots.time_s[slots.state == emitter])

@@ -54,7 +54,7 @@ class Bend:
         return cls(circuit.supply_V, part.saturation_V, part.knee_V, room_V)
 
     def __call__(self, pulled_V: FloatArray) -> FloatArray:
-        """Voltage drops (n, r) for which a linear circuit would have the drops ``pulled_V``."""
+        """Return the voltage drops (n, r) for which a linear circuit would have the drops ``pulled_V``."""
         room = np.maximum(np.array(self.room_V), 0.0)
         pulled = np.maximum(pulled_V + room, 0.0)
         line = (self.supply_V, self.saturation_V, self.knee_V)
@@ -63,7 +63,7 @@ class Bend:
 
 
 def _receiver_V(shares: FloatArray, gain_V: FloatArray, offset_V: FloatArray, bend: Bend | None) -> FloatArray:
-    """Voltages (n, r) from fractions of the light (n, r), for gains and offsets (r,)."""
+    """Return the voltages (n, r) from fractions of the light (n, r), for gains and offsets (r,)."""
     pulled = shares * gain_V
     return np.asarray(offset_V - (pulled if bend is None else bend(pulled)))
 
@@ -173,11 +173,11 @@ class Model:
         return np.concatenate([self.angle_deg + node * spread for node in _NODES.tolist()])
 
     def _means(self, means: FloatArray) -> FloatArray:
-        """Means over the cells (n, r) of values at the quadrature angles."""
+        """Return the means over the cells (n, r) of values at the quadrature angles."""
         return np.asarray(means.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
-        """Fractions of the light at the quadrature angles of the cells, (4 n, r)."""
+        """Return the fractions of the light at the quadrature angles of the cells, (4 n, r)."""
         at = self.places
         moved = {key: float(values[at[key]]) for key in self.response.changes}
         found = self.response.shares(
@@ -186,14 +186,14 @@ class Model:
         return found[:, [SIDES.index(side) for side in self.sides]]
 
     def volts(self, values: FloatArray) -> FloatArray:
-        """Mean voltages over the cells, (n, r)."""
+        """Return the mean voltages over the cells, (n, r)."""
         return self._volts(values, self.shares(values))
 
     def _volts(self, values: FloatArray, shares: FloatArray) -> FloatArray:
         return self._means(_receiver_V(shares, values[self.gains], values[self.offsets], self.bend))
 
     def jacobian(self, values: FloatArray, active: Sequence[int]) -> FloatArray:
-        """Derivatives (n, r, a) with respect to the active parameters (a,), from central differences."""
+        """Return the derivatives (n, r, a) with respect to the active parameters (a,), from central differences."""
         size = (self.angle_deg.size, len(self.sides))
         found = np.zeros((*size, len(active)))
         circuit, shares = {*self.gains, *self.offsets}, self.shares(values)
@@ -208,7 +208,7 @@ class Model:
         return found
 
     def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
-        """Starting values for a decentre and a squared chip width, with gains and offsets fitted to curves (n, r)."""
+        """Return the starting values for a decentre and a squared chip width, with gains and offsets fitted to curves (n, r)."""
         values = np.array([parameter.start for parameter in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
         mean = self._means(self.shares(values))

@@ -51,7 +51,7 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
+        """Return the change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
         x = by / self.step
         end = min(max(x, -1.0), 1.0)
         found = np.zeros((angle_deg.size, 2))
@@ -151,7 +151,7 @@ class Response:
         moved: Mapping[str, float] | None = None,
         loss_per_mm: float = 0.0,
     ) -> FloatArray:
-        """Fractions of the emitted power (n, 2), right and left, at angles (n,).
+        """Return the fractions of the emitted power (n, 2), right and left, at angles (n,).
 
         Parameters
         ----------
@@ -171,7 +171,7 @@ class Response:
         return np.asarray(point + (least - point) * (spread_mm2 / MIN_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
-        """Mean path of the detected light in the material, from the derivative with respect to the absorption."""
+        """Return the mean path of the detected light in the material, from the derivative with respect to the absorption."""
         plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         return float(-math.log1p(lost / plain) / LOSS_STEP)
@@ -190,7 +190,7 @@ class Response:
 
 
 def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
-    """The sensor with a parameter changed by ``by``."""
+    """Return the sensor with a parameter changed by ``by``."""
     if key == INDEX:
         values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
         # the lens keeps the shape for which it was designed

@@ -117,7 +117,7 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Indices of the right and left receivers, one of which may be missing; `DataError` if both are missing."""
+    """Return the indices of the right and left receivers, one of which may be missing; raise `DataError` if both are missing."""
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
@@ -136,7 +136,7 @@ def sides_of(receivers: Iterable[str]) -> dict[str, int]:
 
 
 def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
-    """Curves of each cycle for the specified receivers: the mean of both directions, or the only direction."""
+    """Return the curves of each cycle for the specified receivers: the mean of both directions, or the only direction."""
     hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
     there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
     both = np.where(there, 1.0, 0.0)
@@ -189,7 +189,7 @@ def diagnosed(
 
 
 def spacing_deg(sensor: SensorResponse) -> float:
-    """Typical angle between samples of the coarsest recording."""
+    """Return the typical angle between samples of the coarsest recording."""
     found = []
     for run in sensor.runs:
         angle = run.signals.angle_deg
@@ -235,7 +235,7 @@ def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[s
 
 
 def _undetermined(fitted: Fitted) -> str | None:
-    """Next parameter to fix because its uncertainty is too large to be useful; None if there is none."""
+    """Return the next parameter to fix because its uncertainty is too large to be useful, or None if there is none."""
     model = fitted.model
     free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
     vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
@@ -249,7 +249,7 @@ def _undetermined(fitted: Fitted) -> str | None:
 
 
 def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """Parameters correlated with the specified parameter, in the fit of all parameters."""
+    """Return the parameters correlated with the specified parameter, in the fit of all parameters."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
@@ -263,7 +263,7 @@ def _correlations(fitted: Fitted) -> FloatArray:
 
 
 def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of shape parameters that are poorly separated."""
+    """Return the pairs of shape parameters that are poorly separated."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     found = []
     for i, name in enumerate(names):
@@ -305,7 +305,7 @@ def _plain(
 
 
 def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
-    """Chip width from its square, whose interval is symmetric; the interval is truncated at 0."""
+    """Return the chip width from its square, whose interval is symmetric; the interval is truncated at 0."""
     design = fitted.model.response.width_mm
     if SPREAD in held:
         return ParameterEstimate("chip width", "mm", design_value=design)
@@ -318,7 +318,7 @@ def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
 
 
 def _ratio(fitted: Fitted) -> ParameterEstimate:
-    """Ratio of the right receiver's gain to the left receiver's."""
+    """Return the ratio of the right receiver's gain to the left receiver's."""
     places = [int(np.flatnonzero(fitted.active == fitted.model.places[f"gain {side}"])[0]) for side in SIDES]
     right, left = (fitted.value(f"gain {side}") for side in SIDES)
     block = fitted.covariance[np.ix_(places, places)]
@@ -330,5 +330,5 @@ def _ratio(fitted: Fitted) -> ParameterEstimate:
 
 
 def model_V(diagnosis: Diagnosis) -> FloatArray:
-    """Fitted curves (n, r)."""
+    """Return the fitted curves (n, r)."""
     return diagnosis.fitted.model.volts(diagnosis.fitted.values)

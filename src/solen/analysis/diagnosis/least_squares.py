@@ -131,16 +131,16 @@ class Fitted:
     misfit: Misfit
 
     def u(self, name: str) -> float:
-        """Standard uncertainty of a parameter; inf if the parameter was not fitted."""
+        """Return the standard uncertainty of a parameter, or inf if the parameter was not fitted."""
         place = self._place(name)
         return float(np.sqrt(self.covariance[place, place])) if place is not None else float("inf")
 
     def value(self, name: str) -> float:
-        """Value of a parameter."""
+        """Return the value of a parameter."""
         return float(self.values[self.model.places[name]])
 
     def half_width(self, name: str, level: float = 0.95) -> float:
-        """Half-width of the 95 % interval of a parameter, from Student's t distribution."""
+        """Return the half-width of the 95 % interval of a parameter, from Student's t distribution."""
         from scipy.stats import t
 
         place = self._place(name)
@@ -178,7 +178,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
 
 
 def _first_sd(cycles: Cycles) -> FloatArray:
-    """Standard deviation of each receiver's mean curve (r,), always greater than 0."""
+    """Return the standard deviation of each receiver's mean curve (r,), always greater than 0."""
     count = len(cycles.volts)
     least = 1e-6 * cycles.swing_V + 1e-12
     if count < 2:
@@ -188,7 +188,7 @@ def _first_sd(cycles: Cycles) -> FloatArray:
 
 
 def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
-    """Parameter values fitted from the best of several starting points."""
+    """Return the parameter values fitted from the best of several starting points."""
     spread = model.parameters[model.places[SPREAD]].start
     free = {model.parameters[place].name for place in places}
     begun = [
@@ -206,7 +206,7 @@ def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -
 def _solved(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Values and sum of squares from the Levenberg-Marquardt method, with scaled parameters."""
+    """Return the values and sum of squares from the Levenberg-Marquardt method, with scaled parameters."""
     scale = np.array([model.parameters[place].scale for place in places])
     values, damping = start.copy(), 1e-3
     rest, cost = _rest(model, cycles, places, sd, values)
@@ -233,7 +233,7 @@ def _solved(
 
 
 def _keep_within(model: Model, values: FloatArray) -> None:
-    """Limit the chip to the traced positions."""
+    """Return the limit the chip to the traced positions."""
     reach, at = model.response.reach_mm, model.places
     values[at[OFFSET]] = np.clip(values[at[OFFSET]], -0.6 * reach, 0.6 * reach)
     most = 2.0 * (reach - abs(values[at[OFFSET]]))
@@ -243,7 +243,7 @@ def _keep_within(model: Model, values: FloatArray) -> None:
 def _rest(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Residuals of the mean curves and of the priors, in units of their standard deviations."""
+    """Return the residuals of the mean curves and of the priors, in units of their standard deviations."""
     left = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
     prior = np.array([(model.parameters[p].start - values[p]) / model.parameters[p].known for p in places])
     rest = np.concatenate([left, prior])
@@ -251,7 +251,7 @@ def _rest(
 
 
 def _table(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
-    """Derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
+    """Return the derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
     table = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
     prior = np.diag([1.0 / model.parameters[p].known for p in places])
     return np.concatenate([table, prior])
@@ -289,18 +289,18 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
-    """Inverse of a matrix of normal equations, computed with scaled parameters."""
+    """Return the inverse of a matrix of normal equations, computed with scaled parameters."""
     return np.asarray(np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
 def _white(left: FloatArray, table: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Covariance of a single cycle, estimated from its residuals."""
+    """Return the covariance of a single cycle, estimated from its residuals."""
     variance = float(left @ left) / max(len(left) - table.shape[1], 1)
     return np.asarray(variance * inverse @ (table.T @ table) @ inverse)
 
 
 def _waves(cycles: Cycles) -> FloatArray:
-    """Cosines over the range for each receiver separately, (observations, r × WAVES)."""
+    """Return the cosines over the range for each receiver separately, (observations, r × WAVES)."""
     angle, valid = cycles.angle_deg, cycles.valid
     phase = np.pi * (angle - angle[0]) / (angle[-1] - angle[0])
     one = np.cos(phase[:, None] * np.arange(WAVES))
@@ -314,7 +314,7 @@ def _waves(cycles: Cycles) -> FloatArray:
 def _misfit(
     left: FloatArray, apart: FloatArray, waves: FloatArray, table: FloatArray, hat: FloatArray, count: int
 ) -> tuple[float, float, tuple[float, float]]:
-    """Size of the misfit waves, their degrees of freedom, and their ratio to the scatter with its probability."""
+    """Return the size of the misfit waves, their degrees of freedom, and their ratio to the scatter with its probability."""
     seen = waves - table @ (hat @ waves)
     basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
     basis = basis[:, sizes > 1e-3 * sizes[0]]
@@ -336,7 +336,7 @@ def _misfit(
 
 
 def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
-    """Effective number of independent waves, tr² C / tr C², from the scatter matrix S of a few deviations.
+    """Return the effective number of independent waves, tr² C / tr C², from the scatter matrix S of a few deviations.
 
     The estimate uses E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
     """

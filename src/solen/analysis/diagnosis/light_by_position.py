@@ -63,7 +63,7 @@ class Places:
     integral_to: Curve
 
     def mirrored(self) -> "Places":
-        """The integral at the opposite angle of a symmetric sensor, with right and left exchanged."""
+        """Return the integral at the opposite angle of a symmetric sensor, with right and left exchanged."""
         return Places(-self.place_mm[::-1], lambda at: -self.integral_to(-at)[:, ::-1])
 
 
@@ -118,7 +118,7 @@ class _Chip:
         return source
 
     def strip(self, place_mm: float, width_mm: float = 0.0) -> Chip | Emitter:
-        """Part of the chip at a position; a single point by default."""
+        """Return the part of the chip at a position; a single point by default."""
         emission = self.source.emission()
         if emission is None:
             raise AssertionError("checked before: the chip consists of points")
@@ -126,7 +126,7 @@ class _Chip:
         return replace(self.source, point=(x, z), width_mm=width_mm)
 
     def in_points(self) -> Places:
-        """Integral over the positions, computed from points in the plane."""
+        """Return the integral over the positions, computed from points in the plane."""
         from scipy.interpolate import PchipInterpolator
 
         points = Points(self.scene, TOLERANCE)
@@ -146,7 +146,7 @@ class _Chip:
         return Places(places, PchipInterpolator(places, shares * self.directional_factors(places)).antiderivative())
 
     def in_strips(self, like: Places | None) -> Places:
-        """Integral over the positions, computed from strips in space."""
+        """Return the integral over the positions, computed from strips in space."""
         from scipy.interpolate import CubicSpline
 
         known: Curve = like.integral_to if like is not None else lambda at: np.zeros((at.size, len(SIDES)))
@@ -172,7 +172,7 @@ class _Chip:
         return Places(places, lambda at: np.asarray(known(at) + beyond(at)))
 
     def parts(self, low_mm: FloatArray, high_mm: FloatArray) -> FloatArray:
-        """Integrals (n, 2) over strips between positions (n,)."""
+        """Return the integrals (n, 2) over strips between positions (n,)."""
         middles, widths = 0.5 * (low_mm + high_mm), high_mm - low_mm
         tolerance = np.clip(STRIP_MM * _tolerance_factor(middles) / widths, 0.0, MAX_TOLERANCE)
         rows = zip(middles.tolist(), widths.tolist(), tolerance.tolist(), strict=True)
@@ -192,7 +192,7 @@ class _Chip:
         return np.linspace(-self.reach_mm, self.reach_mm, count + 1)
 
     def directional_factors(self, places_mm: FloatArray) -> FloatArray:
-        """Detection factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
+        """Return the detection factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
         if self.acceptance.is_flat:
             return np.ones((places_mm.size, len(SIDES)))
         places, factors = self._factors
@@ -209,11 +209,11 @@ class _Chip:
 
 
 def _adjoining(places: FloatArray, bent: FloatArray) -> IndexArray:
-    """The intervals on both sides of positions where the response is curved."""
+    """Return the intervals on both sides of positions where the response is curved."""
     at = np.searchsorted(places, bent)
     return np.unique(np.concatenate([at - 1, at])).astype(np.intp)
 
 
 def _tolerance_factor(places_mm: FloatArray) -> FloatArray:
-    """Factor by which the tolerance is multiplied at each position."""
+    """Return the factor by which the tolerance is multiplied at each position."""
     return np.where(np.abs(places_mm) <= NEAR_MM, 1.0, FAR)

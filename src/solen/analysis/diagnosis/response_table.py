@@ -91,11 +91,11 @@ class Table:
         return cls(angle_deg, grid, edge, total, rows)
 
     def places_of(self, angle_deg: FloatArray) -> IndexArray:
-        """Rows of the table at the specified angles (n,)."""
+        """Return the rows of the table at the specified angles (n,)."""
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def minus(self, other: "Table") -> "Table":
-        """Difference from a table that includes these angles and has the same positions and the same edge."""
+        """Return the difference from a table that includes these angles and has the same positions and the same edge."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.places_of(self.angle_deg)])
 
     @cached_property
@@ -112,7 +112,7 @@ class Table:
         return float(self.place_mm[-1] - np.abs(np.polyval(self.edge, self.angle_deg[[0, -1]])).max())
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
-        """Fractions of the emitted power (n, 2), right and left, at angles (n,), for a chip centred at a position."""
+        """Return the fractions of the emitted power (n, 2), right and left, at angles (n,), for a chip centred at a position."""
         from scipy.ndimage import map_coordinates
 
         half = 0.5 * max(width_mm, POINT_MM)
@@ -128,7 +128,7 @@ class Table:
 
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
-    """Angles at which a response is traced: an odd number, so that every second angle includes both ends."""
+    """Return the angles at which a response is traced: an odd number, so that every second angle includes both ends."""
     half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MAX_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 
@@ -151,7 +151,7 @@ def _traced(
 
 
 def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
-    """The same sensor with a chip that covers all positions, and the half-width of that chip."""
+    """Return the same sensor with a chip that covers all positions, and the half-width of that chip."""
     emitter = sensor.design.emitter
     reach_mm = REACH_MM + abs(emitter.offset_mm) + 0.5 * sensor.light.width_mm
     wide = Sensor.of(with_values(sensor.design, {"emitter.offset_mm": 0.0, "emitter.width_mm": 2.0 * reach_mm}))
@@ -159,7 +159,7 @@ def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
 
 
 def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatArray:
-    """Slope of the line through the positions of steepest transition; 0 if they are not collinear."""
+    """Return the slope of the line through the positions of steepest transition, or 0 if they are not collinear."""
     grid = np.linspace(-reach_mm, reach_mm, 1 + 2 * math.ceil(reach_mm / EDGE_MM))
     totals = (row.integral_to(grid) @ np.array([1.0, -1.0]) for row in rows)
     steepest = grid[1:-1][

@@ -233,7 +233,7 @@ def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
 
 
 def _carried(sensor: SensorResponse) -> _Carried:
-    """Design stored in the first recording of a sensor."""
+    """Return the design stored in the first recording of a sensor."""
     provenance = sensor.runs[0].signals.provenance
     header = header_of(provenance)
     name = provenance.metadata.get("sensor", sensor.label.rpartition(".")[2])
@@ -245,7 +245,7 @@ def _carried(sensor: SensorResponse) -> _Carried:
 
 
 def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
-    """Design of a sensor; `DataError` if there is no design, or if its motion differs from the recording's motion."""
+    """Return the design of a sensor; raise `DataError` if there is no design, or if its motion differs from the recording's motion."""
     if stated is None:
         if own is None:
             remedy = "name its design file with --design"
@@ -331,7 +331,7 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution
 
 
 def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
-    """Warnings about the limits of a diagnosis."""
+    """Yield warnings about the limits of a diagnosis."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))

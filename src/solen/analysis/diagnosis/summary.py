@@ -29,7 +29,7 @@ NARROW_DEG = 2.0
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """Results of a diagnosis, one line for each parameter; ± denotes half of the 95 % interval."""
+    """Return the results of a diagnosis, one line for each parameter; ± denotes half of the 95 % interval."""
     return [
         *_decentre(diagnosis),
         *_chip(diagnosis),
@@ -41,12 +41,12 @@ def words(diagnosis: Diagnosis) -> list[str]:
 
 
 def advice(diagnosis: Diagnosis) -> list[str]:
-    """Advice, one line for each item."""
+    """Return advice, one line for each item."""
     return [*_shift(diagnosis), *_trim(diagnosis), *_record(diagnosis)]
 
 
 def pm(estimate: ParameterEstimate) -> str:
-    """A number with half of its 95 % interval, both rounded to the precision of the half interval."""
+    """Return a number with half of its 95 % interval, both rounded to the precision of the half interval."""
     if estimate.value is None or estimate.low is None or estimate.high is None:
         return "not determined"
     return _pm(estimate.value, 0.5 * (estimate.high - estimate.low), estimate.unit)
@@ -80,7 +80,7 @@ def _chip(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _beside_design(estimate: ParameterEstimate) -> str:
-    """Comparison of an estimate with the value in the design, if that value is outside the estimate's interval."""
+    """Return the comparison of an estimate with the value in the design, if that value is outside the estimate's interval."""
     if (
         estimate.design_value is None
         or estimate.low is None

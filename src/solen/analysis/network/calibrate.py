@@ -158,7 +158,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
 
 
 def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
-    """Another recording with its columns in the order of the first recording; `DataError` if a column is missing."""
+    """Return another recording with its columns in the order of the first recording; raise `DataError` if a column is missing."""
     file = other.provenance.name
     found = other.ordered(first.motions, first.emitters, first.receivers)
     if not found.motions:
@@ -170,7 +170,7 @@ def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
 
 
 def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
-    """Distinct states in all recordings, and their readings."""
+    """Return the distinct states in all recordings, and their readings."""
     whole = replace(
         each[0],
         angle_deg=np.concatenate([one.angle_deg for one in each]),
@@ -182,7 +182,7 @@ def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
 
 
 def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
-    """Noise of all recordings, at least the noise of a uniform distribution over the smallest step of a reading."""
+    """Return the noise of all recordings, at least the noise of a uniform distribution over the smallest step of a reading."""
     noise = np.mean([one.noise for one in each], axis=0)
     values = np.concatenate([recording.signal.reshape(len(recording.signal), -1) for recording in recordings])
     steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
@@ -192,7 +192,7 @@ def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> Flo
 
 
 def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) -> tuple[float, Determination | None]:
-    """Fraction of the states within the ranges in which motions are not separated, and the combinations concerned.
+    """Return the fraction of the states within the ranges in which motions are not separated, and the combinations concerned.
 
     The states are between the recorded states, where the slopes are those of the map.
     """
@@ -222,7 +222,7 @@ def _with_range(found: Determination, span: FloatArray) -> Determination:
 def _left_out(
     recordings: Sequence[NetworkReadings], each: Sequence[States], forward: ForwardMap, noise: FloatArray
 ) -> LeftOut | None:
-    """Readings of each state, decoded with a calibration from the other parts; None if there are too few states."""
+    """Return the readings of each state, decoded with a calibration from the other parts, or None if there are too few states."""
     angle = np.concatenate([one.angle_deg for one in each])
     signal = np.concatenate([one.signal for one in each])
     span = np.maximum(forward.high - forward.low, 1e-12)
@@ -246,7 +246,7 @@ def _left_out(
 
 
 def _outside(left_out: LeftOut | None) -> float:
-    """Squared distance that few true readings exceed, from the tail for held-out states; 0 without such states.
+    """Return the squared distance that few true readings exceed, from the tail for held-out states, or 0 without such states.
 
     Where a response has a sharp bend, the map error is larger than its variance indicates. The tail is assumed to be
     exponential, with a mean equal to the mean excess.
@@ -260,14 +260,14 @@ def _outside(left_out: LeftOut | None) -> float:
 
 
 def _some(recording: NetworkReadings, stop: slice) -> FloatArray:
-    """Evenly spaced rows from the complete rows of a stop."""
+    """Return the evenly spaced rows from the complete rows of a stop."""
     flat = recording.signal[stop].reshape(stop.stop - stop.start, -1)
     whole = flat[np.isfinite(flat).all(axis=1)]
     return np.asarray(whole[np.unique(np.linspace(0, len(whole) - 1, ROWS).astype(int))])
 
 
 def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, ...]:
-    """Errors and bands for each motion."""
+    """Return the errors and bands for each motion."""
     decoded, true = left_out.decoded, left_out.angle_deg
     error = decoded.angle_deg - true
     width = decoded.high_deg[..., 1] - decoded.low_deg[..., 1]
@@ -311,7 +311,7 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
 
 
 def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
-    """Warning if all states are on a grid, because sharp bends between the grid points then remain undetected."""
+    """Return a warning if all states are on a grid, because sharp bends between the grid points then remain undetected."""
     span = np.maximum(np.ptp(angle, axis=0), 1e-9)
     places = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
     if len(motions) < 2 or len(angle) < np.prod(places):

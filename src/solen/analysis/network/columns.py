@@ -70,7 +70,7 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
 
 
 def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
-    """Columns in A if all power names end in ``_A``, as in ``a.left_A``; otherwise the suffix is part of a name."""
+    """Return the columns in A if all power names end in ``_A``, as in ``a.left_A``; otherwise the suffix is part of a name."""
     are = [bool(DOTTED.fullmatch(column.name)) and not is_companion(column.name) for column in columns]
     powers = [column for column, is_power in zip(columns, are, strict=True) if is_power]
     if not powers or any(power.unit not in {"", "1"} or not power.name.endswith(ENDS_IN_A) for power in powers):
@@ -82,7 +82,7 @@ def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
 
 
 def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
-    """Common unit of the powers, empty if none is specified, and the factor of each power to this unit."""
+    """Return the common unit of the powers, empty if none is specified, and the factor of each power to this unit."""
     first = next((unit for unit in units.values() if unit not in {"", "1"}), "")
     if not first:
         return "", [1.0] * len(units)
@@ -99,13 +99,13 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
 
 
 def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
-    """Column names; empty for a column whose unit is of another kind (e.g. the temperature ``ambient (K)``)."""
+    """Return the column names; empty for a column whose unit is of another kind (e.g. the temperature ``ambient (K)``)."""
     other = (column.unit not in {"", "1", unit} and factor(column.unit, unit or "V") is None for column in columns)
     return ["" if odd else name for odd, name in zip(other, names, strict=True)]
 
 
 def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
-    """Indices of accompanying columns of one kind, by the powers that they accompany."""
+    """Return the indices of accompanying columns of one kind, by the powers that they accompany."""
     known = {".".join(pair): pair for pair in powers}
     found = {}
     for place, name in enumerate(names):

@@ -64,7 +64,7 @@ class NetworkDecoded:
     missing: BoolArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles (n, motions)."""
+        """Return whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles (n, motions)."""
         found = (self.low_deg[..., level] <= angle_deg) & (angle_deg <= self.high_deg[..., level])
         return np.asarray(found)
 
@@ -121,12 +121,12 @@ class NetworkDecoder:
         return self._grid
 
     def covariance(self, angle_deg: FloatArray) -> FloatArray:
-        """Covariance (N, K, K) of readings about the map at states (N, M)."""
+        """Return the covariance (N, K, K) of readings about the map at states (N, M)."""
         scatter = self._surface.at(angle_deg)[:, self._readings :]
         return np.asarray(self._noise + (scatter**2)[:, :, None] * np.eye(self._readings))
 
     def slopes(self, angle_deg: FloatArray) -> FloatArray:
-        """Derivatives (N, K, M) of the readings with respect to the motions."""
+        """Return the derivatives (N, K, M) of the readings with respect to the motions."""
         return self._surface.slopes(angle_deg)[:, : self._readings]
 
     def decode(self, signal: FloatArray) -> NetworkDecoded:
@@ -142,7 +142,7 @@ class NetworkDecoder:
         return self._judged(fits)
 
     def _lowest(self, flat: FloatArray) -> FloatArray:
-        """Indices (n, STARTS) of table nodes that match the readings better than their neighbours, best first."""
+        """Return the indices (n, STARTS) of table nodes that match the readings better than their neighbours, best first."""
         beside = flat - self._middle
         squares = (beside[:, :, None] * beside[:, None, :]).reshape(len(flat), -1)
         total = squares @ self._weights.reshape(len(self._grid), -1).T - 2.0 * beside @ self._pulled.T + self._own

@@ -110,13 +110,13 @@ class NetworkCalibration(Strict):
 
 
 def text_of(file: NetworkCalibration) -> str:
-    """Text of the calibration file."""
+    """Return the text of the calibration file."""
     data = in_unit({"schema": SCHEMA, **file.model_dump(mode="json")}, file.unit)
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def is_network_file(path: Path) -> bool:
-    """Whether a file is a network calibration; `DataError` if it cannot be read."""
+    """Return whether a file is a network calibration; raise `DataError` if it cannot be read."""
     data = calibration_data(path)
     return isinstance(data, dict) and data.get("kind") == OF_NETWORK
 

@@ -99,7 +99,7 @@ class ForwardMap:
         return cls(low, high, reach, scatter, scale, states, plane, tuple(processes))
 
     def at(self, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and variances (N, K) of the expected readings at states (N, M)."""
+        """Return the means and variances (N, K) of the expected readings at states (N, M)."""
         places = (angle_deg - self.low) / np.maximum(self.high - self.low, 1e-12)
         mean = np.column_stack([np.ones(len(places)), places]) @ self._plane
         variance = np.zeros_like(mean)
@@ -115,7 +115,7 @@ class ForwardMap:
 
 
 def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Correlation lengths (K, M) and scatter (K,) that best predict each state of a reading from the other states."""
+    """Return the correlation lengths (K, M) and scatter (K,) that best predict each state of a reading from the other states."""
     motions = states.shape[1]
     each = REACHES if motions <= 2 else FEWER
     best = np.full(beside.shape[1], np.inf)
@@ -135,7 +135,7 @@ def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _covariance(a: FloatArray, b: FloatArray, reach: FloatArray) -> FloatArray:
-    """Matérn covariance of smoothness 5/2 between positions (n, M) and (m, M)."""
+    """Return the Matérn covariance of smoothness 5/2 between positions (n, M) and (m, M)."""
     apart = (a[:, None, :] - b[None, :, :]) / reach
     far = np.sqrt(5.0 * np.einsum("ijk,ijk->ij", apart, apart))
     return np.asarray((1.0 + far + far**2 / 3.0) * np.exp(-far))

@@ -69,7 +69,7 @@ class NetworkReadings:
     warnings: tuple[Caution, ...] = ()
 
     def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
-        """Return the readings with emitters, receivers and motions in this order; `DataError` if one is missing.
+        """Return the readings with emitters, receivers and motions in this order; raise `DataError` if one is missing.
 
         All motions may be missing, as in a recording that is to be decoded.
         """
@@ -90,7 +90,7 @@ class NetworkReadings:
 
 
 def places_of(kind: str, wanted: Sequence[str], there: Sequence[str], file: str) -> list[int]:
-    """Indices of the requested names of one kind among those in a file; `DataError` if a name is missing."""
+    """Return the indices of the requested names of one kind among those in a file; raise `DataError` if a name is missing."""
     for name in wanted:
         if name not in there:
             limit = f"contains no readings for {kind} {name}; it contains readings for {', '.join(there)}"
@@ -109,7 +109,7 @@ class _Lit:
 
 
 def holds_network(path: Path) -> bool:
-    """Whether a recording is of a network, according to the bench header or the columns."""
+    """Return whether a recording is of a network, according to the bench header or the columns."""
     _, recording = next(iter(read_parts(path)))
     if header_of(recording.provenance).get("motions"):
         return True
@@ -144,7 +144,7 @@ def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
 
 
 def chosen_network(header: Mapping[str, Any], sensor: str | None, file: str) -> Mapping[str, Any]:
-    """Header entry of a sensor."""
+    """Return the header entry of a sensor."""
     entries: dict[str, Mapping[str, Any]] = {one["name"]: one for one in header["sensors"]}
     if sensor is None and len(entries) == 1:
         return next(iter(entries.values()))
@@ -184,7 +184,7 @@ def _of_bench(parts: Mapping[str, Recording], header: Mapping[str, Any], entry: 
 
 
 def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str]) -> _Lit:
-    """Readings with one emitter on, from its group."""
+    """Return the readings with one emitter on, from its group."""
 
     def column(name: str) -> FloatArray:
         found = next((channel for channel in recording.channels if channel.name == name), None)
@@ -202,7 +202,7 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
 
 
 def _turns(times: Sequence[FloatArray]) -> Any:
-    """Index of each emitter's reading in the first emitter's switching cycles (N, emitters); -1 if missing."""
+    """Return the index of each emitter's reading in the first emitter's switching cycles (N, emitters); -1 if missing."""
     first = times[0]
     usual_s = float(np.median(np.diff(first))) if len(first) > 1 else np.inf
     ends = np.append(first[1:], np.inf)
@@ -217,7 +217,7 @@ def _turns(times: Sequence[FloatArray]) -> Any:
 
 
 def _angles(recording: Recording) -> dict[str, Channel]:
-    """Angle columns, by motion name."""
+    """Return the angle columns, by motion name."""
     found = {}
     for one in (channel for channel in recording.channels if not is_companion(channel.name)):
         if (one.unit and factor(one.unit, "deg") is not None) or one.name.endswith("_deg"):
@@ -226,7 +226,7 @@ def _angles(recording: Recording) -> dict[str, Channel]:
 
 
 def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
-    """Time column, its factor to s, and a warning if this is assumed; `DataError` if there is no time column."""
+    """Return the time column, its factor to s, and a warning if this is assumed; raise `DataError` if there is no time column."""
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:

@@ -55,7 +55,7 @@ class States:
     clipped: FloatArray
 
     def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distinct states: angles (n, motions), means (n, K) over all stops in the same state, and their variances."""
+        """Return the distinct states: angles (n, motions), means (n, K) over all stops in the same state, and their variances."""
         span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
         rounded = np.rint(self.angle_deg / (2.0 * REST_MOVEMENT * span))
         _, which = np.unique(rounded, axis=0, return_inverse=True)
@@ -116,7 +116,7 @@ class NetworkStates(Result):
 
 
 def analysed_network(readings: NetworkReadings) -> NetworkStates:
-    """Response of a network at the stops of a recording; `DataError` if there are no angles or no stops."""
+    """Return the response of a network at the stops of a recording; raise `DataError` if there are no angles or no stops."""
     states, shape = states_of(readings), readings.signal.shape[1:]
     missing = int(np.isnan(readings.signal).any(axis=(1, 2)).sum())
     return NetworkStates(
@@ -164,7 +164,7 @@ def states_of(readings: NetworkReadings) -> States:
 
 
 def at_rest(angle_deg: FloatArray) -> BoolArray:
-    """Whether each row of angles (n, motions) belongs to a stop."""
+    """Return whether each row of angles (n, motions) belongs to a stop."""
     found = np.zeros(len(angle_deg), bool)
     for stop in _stops(angle_deg):
         found[stop] = True
@@ -172,7 +172,7 @@ def at_rest(angle_deg: FloatArray) -> BoolArray:
 
 
 def missing_slots(readings: NetworkReadings) -> list[Caution]:
-    """Warning about switching cycles that lack a reading, by emitter."""
+    """Return a warning about switching cycles that lack a reading, by emitter."""
     lacking = np.isnan(readings.signal).any(axis=2).sum(axis=0)
     pairs = zip(readings.emitters, lacking.tolist(), strict=True)
     lost = [f"{name} {count}" for name, count in pairs if count]
@@ -186,7 +186,7 @@ def missing_slots(readings: NetworkReadings) -> list[Caution]:
 
 
 def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
-    """Warning about powers that are at a limit of the recorder's range in some states."""
+    """Return a warning about powers that are at a limit of the recorder's range in some states."""
     names = [f"{lit}.{read}" for lit in readings.emitters for read in readings.receivers]
     shares = states.clipped.mean(axis=0).tolist()
     ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
@@ -202,7 +202,7 @@ def _held(rows: FloatArray) -> int:
 
 
 def _stops(angle_deg: FloatArray) -> list[slice]:
-    """Slices of rows over which nothing moves, without a few rows at both ends."""
+    """Return the slices of rows over which nothing moves, without a few rows at both ends."""
     if len(angle_deg) <= REST_ROWS:
         return []
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
@@ -215,13 +215,13 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
 
 
 def _noise_deg(angle_deg: FloatArray) -> FloatArray:
-    """Noise of the angles, from their second differences, to which a motion at constant speed does not contribute."""
+    """Return the noise of the angles, from their second differences, to which a motion at constant speed does not contribute."""
     bends = np.abs(angle_deg[2:] - 2.0 * angle_deg[1:-1] + angle_deg[:-2])
     return np.asarray(np.median(bends, axis=0) / (0.6745 * np.sqrt(6.0)))
 
 
 def _u_mean(rows: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard uncertainty of the mean of a stop's rows, (K,)."""
+    """Return the standard uncertainty of the mean of a stop's rows, (K,)."""
     white = np.sqrt(np.diag(noise) / len(rows))
     pieces = np.array([piece.mean(axis=0) for piece in np.array_split(rows, PIECES)])
     return np.asarray(np.maximum(white, pieces.std(axis=0, ddof=1) / np.sqrt(PIECES)))

@@ -139,7 +139,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
         return "".join(_rows(turns.time_s, decoded))
 
     def result(self, *, interrupted: bool) -> NetworkDecoding:
-        """Return the summary of the decoded stream; `DataError` if there was no complete switching cycle."""
+        """Return the summary of the decoded stream; raise `DataError` if there was no complete switching cycle."""
         if not self.counts["readings"]:
             raise DataError(
                 self._source, limit="contains no complete switching cycle of the emitters", remedy="check its columns"
@@ -189,7 +189,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 def recorded_turns(
     path: Path, known: NetworkCalibration, sensor: str | None
 ) -> tuple[Turns, Provenance, tuple[Caution, ...]]:
-    """Switching cycles in a recording with the true angles at its stops, its file, and its warnings.
+    """Return the switching cycles in a recording with the true angles at its stops, its file, and its warnings.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibrati
 
 
 def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
-    """Factor from a unit of readings to the calibration's unit; `DataError` if the unit cannot be converted."""
+    """Return the factor from a unit of readings to the calibration's unit; raise `DataError` if the unit cannot be converted."""
     scale = factor(unit, known.unit)
     if scale is None:
         limit = f"is the unit of the readings, but the unit of the calibration is {known.unit}"
@@ -223,7 +223,7 @@ def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
 
 
 def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator[Turns], tuple[Caution, ...]]:
-    """Switching cycles from CSV lines, each as soon as it arrives, and warnings; the first line names the columns.
+    """Return the switching cycles from CSV lines, each as soon as it arrives, and warnings; the first line names the columns.
 
     Raises
     ------
@@ -247,7 +247,7 @@ class _Layout:
 
     @classmethod
     def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
-        """Layout of lines, from their header."""
+        """Return the layout of lines, from their header."""
         header = lines.header
         times, of_time, warnings = times_of(header)
         powers = power_columns(header.channels, STDIN)
@@ -268,7 +268,7 @@ class _Layout:
         )
 
     def turn(self, values: Sequence[float]) -> Turns:
-        """Switching cycle from the values in one line."""
+        """Return the switching cycle from the values in one line."""
         (place, scale), row = self.time, np.array(values)
         clipped = (self.marks >= 0) & (row[self.marks] > 0.5)
         return Turns(scale * row[[place]], self.scales * row[None, self.places], clipped=clipped[None])
