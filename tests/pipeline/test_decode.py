@@ -268,7 +268,7 @@ def test_all_readings_are_100_percent(folder: Path) -> None:
         (("--design", "bend.toml"), "does not match the calibration: kind of motion bend instead of rotation"),
         (("--design", "emitter.toml"), "does not match the calibration: pivot emitter instead of stem-base"),
         (("--motion", "bend"), "does not match the calibration: kind of motion bend instead of rotation"),
-        ((), "does not specify the kind of motion, pivot, moving parts"),
+        ((), "does not specify the kind of motion and the pivot and the moving parts"),
     ],
 )
 def test_another_motion_is_warned_of_once(
@@ -346,9 +346,9 @@ def test_calibrations_that_cannot_be_read(
     assert "unknown key" in told(json.dumps(data | {"colour": "red"}))
     curves = data["curves"]
     assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_V": curves["rising_V"][1:]}}))
-    assert "must ascend" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
+    assert "must be in ascending order" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
     wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
-    assert "not a covariance" in told(json.dumps(data | {"curves": curves | {"noise_V2": wrong}}))
+    assert "must be covariance matrices" in told(json.dumps(data | {"curves": curves | {"noise_V2": wrong}}))
     assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
 
 
@@ -378,14 +378,14 @@ def test_streams_that_cannot_be_decoded(
 
     assert "is empty" in told()
     assert "is empty" in told("\n", "\n")
-    assert "holds no reading" in told("time_s,left_V,right_V\n")
-    assert "holds no reading" in told("time_s,left_V,right_V\n", "0,nan,1\n")
-    assert "no columns are recognised as the right receiver" in told("time_s,left_V\n", "0,1\n")
-    assert "2 columns are recognised as the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
+    assert "contains no reading" in told("time_s,left_V,right_V\n")
+    assert "contains no reading" in told("time_s,left_V,right_V\n", "0,nan,1\n")
+    assert "has 0 columns that could be the right receiver" in told("time_s,left_V\n", "0,1\n")
+    assert "has 2 columns that could be the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
     assert "begins with numbers" in told("0,2,2\n")
     assert "--time stage; no such column" in told("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
     assert "left_mV" in told("t,left,right\n", "0,2000,2000\n")
-    with pytest.raises(SpecError, match="--smooth-ms; applies to recorded files"):
+    with pytest.raises(SpecError, match="--smooth-ms; applies only to recorded files"):
         decoded(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
     milli = write(tmp_path / "milli.csv", scale=1000.0)
     assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")

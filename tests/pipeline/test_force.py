@@ -145,12 +145,12 @@ def test_forces_are_decoded_with_their_bands(folder: Path, capfd: pytest.Capture
     assert "decoded force (N)" in drawn
     assert "true" not in drawn
     assert all("load cell" in text for text in (drawn, said))
-    assert "common error of 1 %" in said
+    assert "share an error with a standard uncertainty of 1 %" in said
     again = ["bench", "decode", str(known), str(folder / "again.csv"), *by_cell(folder), *motion, "--out", str(table)]
     assert run_command(again) == 0
     printed = capfd.readouterr()
     assert "own force" in printed.out
-    assert "common error of 1 %" in printed.err
+    assert "share an error with a standard uncertainty of 1 %" in printed.err
     assert "WARNING" not in printed.err
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert rows.dtype.names == COLUMNS

@@ -123,7 +123,6 @@ def ageing_of(
     return Ageing(first, receivers, *_columns(balances), *_slope(middle, balances))
 
 
-
 def _columns(values: Sequence[Estimate]) -> tuple[FloatArray, FloatArray]:
     return np.array([value.value for value in values]), np.array([value.u for value in values])
 

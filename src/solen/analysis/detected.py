@@ -33,9 +33,7 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     """
     recordings = {path.resolve(), *(other.resolve() for other in others)}
     tables = [file for file in sorted(path.parent.iterdir()) if file.suffix.lower() in _SUFFIXES and file.is_file()]
-    tables = [
-        table for table in tables if table.resolve() not in recordings and table.stat().st_size <= MAX_LOG_BYTES
-    ]
+    tables = [table for table in tables if table.resolve() not in recordings and table.stat().st_size <= MAX_LOG_BYTES]
     namesakes = {table for table in tables if path.stem.casefold() in table.stem.casefold()}
     tables.sort(key=lambda table: table not in namesakes)
     logs = [table for table in tables[:MAX_LOGS] if _is_log(table)]

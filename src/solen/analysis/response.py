@@ -19,7 +19,6 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 from solen.results import Result
 
-DIRECTIONS = ("rising", "falling")
 
 _CELLS = 60  # approximate number of cells in the range
 _MAX_GRID_POINTS = 20_000

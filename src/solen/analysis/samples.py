@@ -169,7 +169,9 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> fl
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if step >= _AMBIGUOUS_STEP:
         limit = f"specifies no unit, and its steps of {step:.3g} may be ms, s or samples"
-        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="specify --time-unit (s, ms, us or min) or --rate-hz")
+        raise DataError(
+            f"{file}: {channel.name}", limit=limit, remedy="specify --time-unit (s, ms, us or min) or --rate-hz"
+        )
     rate = f", i.e. {1 / step:.4g} samples per second" if step else ""
     warnings.append(warning(f"the header {channel.name} specifies no unit; s is assumed{rate}"))
     return 1.0

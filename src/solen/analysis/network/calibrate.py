@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen import __version__
-from solen.analysis.calibration.decoder import OUTSIDE
+from solen.analysis.calibration.decoder import MIN_TAIL_PROBABILITY
 from solen.analysis.calibration.file import rows_as_tuples
 from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
@@ -256,7 +256,7 @@ def _outside(left_out: LeftOut | None) -> float:
     distance = left_out.decoded.distance
     begin = float(np.quantile(distance, 1.0 - TAIL))
     excess = float((distance[distance >= begin] - begin).mean())
-    return begin + excess * math.log(TAIL / OUTSIDE)
+    return begin + excess * math.log(TAIL / MIN_TAIL_PROBABILITY)
 
 
 def _some(recording: NetworkReadings, stop: slice) -> FloatArray:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from solen.analysis.calibration.decoder import LEVELS, OUTSIDE
+from solen.analysis.calibration.decoder import LEVELS, MIN_TAIL_PROBABILITY
 from solen.analysis.network.forward import ForwardMap
 from solen.analysis.surface import Surface
 from solen.arrays import BoolArray, FloatArray
@@ -105,7 +105,7 @@ class NetworkDecoder:
         mean, variance = forward.at(grid)
         self._readings = mean.shape[1]
         left = max(self._readings - motions, 1)
-        self._limit = max(outside, left * float(stats.f.isf(OUTSIDE, left, freedom)))
+        self._limit = max(outside, left * float(stats.f.isf(MIN_TAIL_PROBABILITY, left, freedom)))
         self._surface = Surface.through(nodes, np.hstack([mean, np.sqrt(variance)]).reshape(*self._shape, -1))
         self._middle = mean.mean(axis=0)
         covariance = noise + variance[:, :, None] * np.eye(self._readings)

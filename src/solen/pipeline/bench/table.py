@@ -34,7 +34,7 @@ def table(
     )
     texts = {"solen_decode.py": board_table.python, "solen_decode.h": board_table.c}
     written = files.write_new(folder, {name: text.encode() for name, text in texts.items()})
-    off, sigma = board_table.off_deg(known.calibration)
+    off, sigma = board_table.deviation(known.calibration)
     low, high = known.range_deg
     result = DecodingTable(
         known.sensor, len(board_table.pieces), low, high, off, sigma, known.simulated, known.stimulus
