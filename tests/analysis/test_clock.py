@@ -114,7 +114,7 @@ def test_a_part_of_the_rate_is_refused(part: int) -> None:
     """At 100 Hz a period holds two on phases; what stands out there is no clock of one emitter."""
     time, values, _ = waveform(4.0, noise=0.02)
     flicker = 0.1 * np.cos(2 * np.pi * 200.0 / part * time)[:, None]
-    with pytest.raises(DataError, match=f"contains {part} on phases; try 200"):
+    with pytest.raises(DataError, match=f"contains {part} on phases; specify 200"):
         find_clock(time, values + flicker, 200.0 / part)
 
 
@@ -129,7 +129,7 @@ def test_a_sine_lies_between_on_and_off_for_a_third() -> None:
     ("seconds", "sampled_hz", "depth", "words"),
     [
         (2.0, 10_000.0, 0.0, "no clear modulation"),
-        (0.03, 10_000.0, 1.0, "must contain at least 8 periods"),
+        (0.03, 10_000.0, 1.0, "at least 8 periods of 200 Hz"),
         (4.0, 1000.0, 1.0, "samples in a period of 200 Hz, but at least 6"),
     ],
 )

@@ -68,6 +68,14 @@ def test_few_samples_show_none() -> None:
     assert find_flicker(time_s, values, state.astype(np.int64), 200.0) is None
 
 
+@pytest.mark.parametrize("rate_hz", [10.0, 25.0, 50.0])
+def test_finds_no_flicker_if_harmonics_are_at_multiples_of_the_rate(rate_hz: float) -> None:
+    time_s = np.arange(0.0, 4.0, 1e-4)
+    state = np.where((time_s * rate_hz) % 1.0 < 0.5, 1, OFF)
+    values = 0.1 * np.sin(2.0 * np.pi * 100.0 * time_s)[:, None]
+    assert find_flicker(time_s, values, state.astype(np.int64), rate_hz) is None
+
+
 def test_a_lamp_switched_on_disturbs_its_own_moment_only() -> None:
     time_s, volts = STILL.sampled()
     at_s = 3.0101

@@ -346,7 +346,9 @@ def test_calibrations_that_cannot_be_read(
     assert "unknown key" in told(json.dumps(data | {"colour": "red"}))
     curves = data["curves"]
     assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_V": curves["rising_V"][1:]}}))
-    assert "must be in ascending order" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
+    assert "must be in ascending order" in told(
+        json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}})
+    )
     wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
     assert "must be covariance matrices" in told(json.dumps(data | {"curves": curves | {"noise_V2": wrong}}))
     assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))

@@ -176,7 +176,7 @@ def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
     path = written(
         tmp_path / "b.csv", "time_s,right (V),state", time, values[:, 0], [0.5 * one for one in state.tolist()]
     )
-    with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be a whole number"):
+    with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be an integer"):
         demodulate(path)
 
 
@@ -203,9 +203,18 @@ def test_swapped_phases_are_reported(tmp_path: Path, on: str) -> None:
     told = [
         one
         for one in demodulate(path, DemodulationOptions(rate_hz=200.0, on=on)).warnings
-        if "may be swapped (--on)" in one
+        if "may be swapped (check --on)" in one
     ]
     assert len(told) == (on == "high")
+
+
+def test_notes_flicker_that_the_switching_rate_hides(tmp_path: Path) -> None:
+    time_s = np.arange(0.0, 4.0, 1e-4)
+    volts = 2.0 - 1.0 * ((time_s * 50.0) % 1.0 < 0.5) + 0.1 * np.sin(2.0 * np.pi * 100.0 * time_s)
+    path = written(tmp_path / "w.csv", "time_s,right (V)", time_s, volts)
+    result = demodulate(path, DemodulationOptions(rate_hz=50.0))
+    assert result.flicker is None
+    assert any("a mains frequency of 50 Hz cannot be distinguished" in text for text in result.warnings)
 
 
 def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:

@@ -1,10 +1,10 @@
 """Alignment of a stage log with the recorder's clock: offset, rate, and their uncertainties.
 
-The voltage of a receiver is a function f of the angle, whatever this function is. If the log is shifted in time relative
-to the voltages, the rising and falling ramps give two different curves. The shift is estimated by cross-correlation and
-then refined by least squares: a shift δ changes the voltage by f'(θ) θ' δ, which has opposite signs in the two
-directions, so that f and δ can be separated. Each cycle gives an independent shift. A straight line fitted to the
-shifts over time gives the lag and the rate of the clock; the residuals give their uncertainties.
+The voltage of a receiver is some function f of the angle. If the log is shifted in time relative to the voltages, the
+rising and falling ramps give two different curves. The shift is estimated by cross-correlation and then refined by
+least squares: a shift δ changes the voltage by f'(θ) θ' δ, which has opposite signs in the two directions, so that f
+and δ can be separated. Each cycle gives an independent shift. A straight line fitted to the shifts over time gives the
+lag and the rate of the clock; the residuals give their uncertainties.
 
 A log has few entries, and a ramp begins and ends between two of them, where linear interpolation would cut the corner.
 The corner is assumed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); the

@@ -1,6 +1,6 @@
 """Noise of a reading, computed in the same way for a response, a group of its cycles, and a rig at rest.
 
-The noise is the standard deviation of the readings in holds about a straight line over time, which allows for slow drift
+The noise is the standard deviation of the readings in holds about a straight line over time, which follows a slow drift
 of the light. Variations that are not random, such as residual flicker, thus contribute their true variance. Differences
 between successive readings would overestimate a variation that alternates from reading to reading: first differences
 give 2 times its variance, second differences 8/3 times. Second differences, which cancel smooth motion, are therefore

@@ -179,8 +179,8 @@ def sign_warnings(
     )
     if left.value > 0.0 > right.value and unit == "V":  # in lux, brighter is a higher value
         reverse = (
-            f"{changes}, which is the reverse of the convention (at negative angles the right receiver is brighter, and "
-            "a brighter receiver has a lower voltage). Either the angle has the opposite sign, the receivers are "
+            f"{changes}, which is the reverse of the convention (at negative angles the right receiver is brighter, "
+            "and a brighter receiver has a lower voltage). Either the angle has the opposite sign, the receivers are "
             "swapped, or the voltage of the circuit rises with light. No sign was changed: --flip-angle reverses the "
             "sign of the angle"
         )

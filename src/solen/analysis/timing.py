@@ -164,7 +164,7 @@ def same_speed(speeds: FloatArray, speed: float) -> BoolArray:
 
 
 def at_main_speed(speeds: FloatArray) -> BoolArray:
-    """Return whether each cycle is at the speed of most cycles, (cycles,); True for all without a clear second speed."""
+    """Return whether each cycle is at the speed of most cycles, (cycles,); all True without a clear second speed."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
     low, high = float(main.min()), float(main.max())
     inside = (speeds >= low) & (speeds <= high)
@@ -197,7 +197,7 @@ def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
 
 
 def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> float:
-    """Return the largest delay of a recorded angle: half the interval at which it changes in ramps, plus its scatter."""
+    """Return the largest delay of a recorded angle: half the interval at which it changes in ramps, plus scatter."""
     moving = np.zeros(time_s.size, dtype=bool)
     for ramp in motion.ramps:
         moving[ramp.start + 1 : ramp.stop - 1] = True

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from solen.analysis.demodulation.clock import Clock, On, find_clock, find_switching
-from solen.analysis.demodulation.demodulate import swapped
+from solen.analysis.demodulation.demodulate import swapped, unresolved_flicker
 from solen.analysis.demodulation.flicker import MAINS_HZ
 from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.samples import DEFAULT_SETTLE_US, Samples
@@ -127,7 +127,7 @@ def _readings(samples: Waveforms, readings: Switched, emitter: int) -> Waveforms
     of_emitter = np.flatnonzero(kept.emitter == emitter)
     base = time_base(kept.time_s[of_emitter], "readings")
     rows: IndexArray = of_emitter[base.order]
-    angle = None if samples.angle_deg is None else readings.beside(samples.angle_deg[:, None])[rows, 0]
+    angle = None if samples.angle_deg is None else readings.means_of(samples.angle_deg[:, None])[rows, 0]
     return replace(
         samples,
         time_s=base.time_s,
@@ -159,6 +159,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
         warnings.append(
             note(f"lamps flicker at {lines} Hz by up to {size}: the flicker is fitted to the off phases and subtracted")
         )
+    warnings += unresolved_flicker(result)
     for name, at_limit in zip(result.samples.names, result.dark_at_limit, strict=True):
         if at_limit:
             unseen = "is at its limit in the dark, so weak light from the emitter or the room is not detected"

@@ -276,6 +276,6 @@ def _between(curves: FloatArray) -> FloatArray:
 
 
 def _shrunk(covariance: FloatArray, weight: float) -> FloatArray:
-    """Return covariances shrunk towards equal variances, because few cycles or prints hardly determine a correlation."""
+    """Return covariances shrunk towards equal variances, because few cycles or prints determine no correlation."""
     variance = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - weight) * covariance + weight * variance[:, None, None] * np.eye(2))

@@ -164,7 +164,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         scale = factor(stream.unit, known.unit)
         if scale is None:
             limit = f"contains readings in {stream.unit}, but the calibration {file} is in {known.unit}"
-            remedy = f"correct the unit in the header, as in left ({known.unit}), or calibrate with readings in {stream.unit}"
+            remedy = f"correct the unit in the header, as in left ({known.unit}), or calibrate in {stream.unit}"
             raise DataError(source, limit=limit, remedy=remedy)
         calibration = known.calibration
         largest = float(np.abs(calibration.curves_V).max())
