@@ -28,12 +28,12 @@ def edge_mm(angle_deg: FloatArray, index: float = 0.0) -> FloatArray:
     return np.asarray(EDGE_MM * (1.0 + WIDER * (angle_deg / 3.0) ** 2 + 0.02 * angle_deg) * (1.0 + 20.0 * index))
 
 
-def integral(angle_deg: FloatArray, place_mm: FloatArray, index: float = 0.0) -> FloatArray:
+def integral(angle_deg: FloatArray, position_mm: FloatArray, index: float = 0.0) -> FloatArray:
     """Integral (2, …) of what a point gives right and left, up to a place."""
     width = edge_mm(angle_deg, index)
-    u = (place_mm + MOVES_MM_PER_DEG * angle_deg) / width
+    u = (position_mm + MOVES_MM_PER_DEG * angle_deg) / width
     log_cosh = width * (np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0))
-    return np.stack([0.5 * PART * (place_mm - log_cosh), 0.5 * PART * (place_mm + log_cosh)])
+    return np.stack([0.5 * PART * (position_mm - log_cosh), 0.5 * PART * (position_mm + log_cosh)])
 
 
 def exact(angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
@@ -70,7 +70,7 @@ def truth(of: Model, **values: float) -> FloatArray:
     """Values of a model with some set; names with _ for a blank."""
     found = np.array([one.start for one in of.parameters])
     for name, value in values.items():
-        found[of.places[name]] = value
+        found[of.indices[name]] = value
     return found
 
 

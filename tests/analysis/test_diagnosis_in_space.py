@@ -9,7 +9,7 @@ import pytest
 from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
 from solen.analysis.diagnosis import Diagnosis, Response, diagnosed
 from solen.analysis.diagnosis.design_response import INDEX
-from solen.analysis.diagnosis.light_by_position import light_by_place
+from solen.analysis.diagnosis.light_by_position import light_by_position
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 from tests.analysis.made_support import made
@@ -28,7 +28,7 @@ def test_strips_of_one_angle_give_every_chip() -> None:
     """At 1°, beside the independent tracer; what both may be off by is some 1e-4 of a swing of 0.3."""
     reach_mm = 0.2
     wide = Sensor.of(with_values(DESIGN, {"emitter.width_mm": 2.0 * reach_mm}))
-    found = light_by_place(wide, 1.0, reach_mm)
+    found = light_by_position(wide, 1.0, reach_mm)
     for number, chip in enumerate(CHIPS):
         ends = chip.offset_mm + 0.5 * chip.width_mm * np.array([-1.0, 1.0])
         low, high = found.integral_to(ends)
@@ -45,7 +45,7 @@ def test_strips_of_one_angle_give_every_chip() -> None:
 def test_strips_serve_lenses_for_space(shape: str, reach_mm: float, chips: tuple[tuple[float, float], ...]) -> None:
     """Their light is integrated by nets, to a standard error."""
     lens = with_values(loads(template()), {"lens.shape": shape})
-    found = light_by_place(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
+    found = light_by_position(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
     for offset_mm, width_mm in chips:
         low, high = found.integral_to(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
         chip = Sensor.of(with_values(lens, {"emitter.offset_mm": offset_mm, "emitter.width_mm": width_mm}))
@@ -72,7 +72,7 @@ def response(dimension: str) -> Response:
 def test_the_table_is_what_the_independent_tracer_gives() -> None:
     for number, chip in enumerate(CHIPS):
         angles, columns = traced(number)
-        off = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2) - columns
+        off = response("extruded").fractions(angles, chip.offset_mm, chip.width_mm**2) - columns
         print(number, off.std(), np.abs(off).max())
         assert off.std() < 8e-5
         assert np.abs(off).max() < 2.5e-4
@@ -86,7 +86,7 @@ def test_the_table_follows_the_index(by: float) -> None:
     values = {"emitter.offset_mm": chip.offset_mm, "material.index": 1.44 + by}
     moved = replace(Sensor.of(with_values(DESIGN, values)), cut=base.cut)
     angles = np.array([-2.4, -0.85, 0.0, 0.4, 0.75, 2.3])
-    found = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2, {INDEX: by})
+    found = response("extruded").fractions(angles, chip.offset_mm, chip.width_mm**2, {INDEX: by})
     for angle, row in zip(angles.tolist(), found, strict=True):
         traced_there = moved.integrate(angle, tolerance=3e-5).detectors
         assert row == pytest.approx([traced_there[side].power for side in ("right", "left")], abs=1.2e-4)

@@ -129,7 +129,7 @@ def test_refusals_are_one_line(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", Lit(noise_V=2e-3))
     with pytest.raises(DataError, match="contains no design; name its design file with --design"):
         ask(path)
-    with pytest.raises(SpecError, match="no sensor has this name; the sensors are S1"):
+    with pytest.raises(SpecError, match="no sensor has this name; choose from S1"):
         ask(path, design=design, sensor=("S9",))
     with pytest.raises(SpecError, match="zero_u_deg"):
         ask(path, design=design, zero_u_deg=2.0)
