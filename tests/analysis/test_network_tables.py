@@ -96,7 +96,7 @@ def test_lines_without_a_unit_are_in_volts_as_a_file_is(
     file = tmp_path / "in_A.json"
     file.write_text(text_of(in_A), encoding="utf-8")
     for source in (str(path), "-"):
-        with pytest.raises(DataError, match="'V'; is the unit of the readings"):
+        with pytest.raises(DataError, match="contains readings in V, but the calibration is in A"):
             decode(file, source, text=text)
 
 

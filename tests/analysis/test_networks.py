@@ -36,7 +36,7 @@ MOTIONS = ("lean", "sway")
 
 
 def readings(states: FloatArray, seed: int = 0, shares: object = light, held: int = HELD) -> NetworkReadings:
-    """Turns of a network that rests in states, with noise that receivers share in part, and moves between them."""
+    """SwitchingCycles of a network that rests in states, with noise that receivers share in part, and moves between them."""
     rng = np.random.default_rng(seed)
     angle = np.repeat(states, held, axis=0)
     signal = -shares(angle[:, 0], angle[:, 1])  # type: ignore[operator]

@@ -19,7 +19,6 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 from solen.results import Result
 
-
 _CELLS = 60  # approximate number of cells in the range
 _MAX_GRID_POINTS = 20_000
 _MAX_INTERVAL = 5.0  # largest interval between samples that is interpolated, relative to the median interval

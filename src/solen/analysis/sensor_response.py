@@ -44,7 +44,6 @@ from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
 
-
 R = TypeVar("R", bound=ReceiverResponse)
 
 

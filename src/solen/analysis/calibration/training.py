@@ -11,7 +11,6 @@ import numpy as np
 from solen.analysis.calibration.force_smoothing import EXTENSION, smoothed
 from solen.analysis.motion import Motion
 from solen.analysis.response import Passes, common_range, passes
-
 from solen.analysis.sensor_response import SensorResponse
 from solen.arrays import BoolArray, FloatArray, IndexArray, flag_runs, rows_of
 from solen.errors import DataError

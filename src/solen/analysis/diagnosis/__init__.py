@@ -17,11 +17,11 @@ from solen.analysis.diagnosis.sensors import DiagnosisOptions, SensorDiagnoses, 
 from solen.analysis.diagnosis.summary import advice, words
 
 __all__ = [
-    "LoadLines",
     "Change",
     "Cycles",
     "Diagnosis",
     "DiagnosisOptions",
+    "LoadLines",
     "Model",
     "Response",
     "SensorDiagnoses",

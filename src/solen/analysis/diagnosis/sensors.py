@@ -17,8 +17,8 @@ from solen.analysis.calibration.conditions import header_of
 from solen.analysis.diagnosis.curve_model import INDEX, ZERO, LoadLines
 from solen.analysis.diagnosis.design_response import Response
 from solen.analysis.diagnosis.diagnose import (
-    MARGIN_DEG,
     INDEX_U,
+    MARGIN_DEG,
     ZERO_U_DEG,
     Diagnosis,
     ParameterEstimate,

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.analysis import Study, study
-from solen.analysis.network import NetworkStates, analysed_network, holds_network, network_readings
-from solen.analysis.network.stream_decoder import unused
+from solen.analysis.network import NetworkStates, analysed_network, is_network, network_readings
+from solen.analysis.network.stream_decoder import check_options
 from solen.errors import OutputError, SpecError
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
 from solen.pipeline.options import FLAT, Out
@@ -44,8 +44,8 @@ def analyse(
     if traces is not None and figure.figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own name")
     files, options = split_files(files, options)
-    if files and holds_network(files[0]):
-        unused(options)
+    if files and is_network(files[0]):
+        check_options(options)
         if traces is not None or len(files) > 1:
             what = ("--traces", traces) if traces is not None else ("files", len(files))
             limit = "does not apply to a network" if traces is not None else "must be a single recording of a network"

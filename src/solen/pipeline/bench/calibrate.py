@@ -7,9 +7,9 @@ from solen.analysis import AnalysisOptions, study
 from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.calibrate import default_path
 from solen.analysis.calibration.file import text_of
-from solen.analysis.network import NetworkCalibrations, calibrated_network, holds_network, network_readings
+from solen.analysis.network import NetworkCalibrations, calibrated_network, is_network, network_readings
 from solen.analysis.network.file import text_of as network_text
-from solen.analysis.network.stream_decoder import unused
+from solen.analysis.network.stream_decoder import check_options
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions
@@ -33,7 +33,7 @@ def calibrate(
         If a recording, an option or an output is invalid.
     """
     check_outputs(out, figure)
-    if recordings and holds_network(recordings[0]):
+    if recordings and is_network(recordings[0]):
         return _network(recordings, options or CalibrationOptions(), analysis or AnalysisOptions(), out, figure)
     result = calibrated_sensors(study(recordings, analysis), options)
     made = result.calibrations
@@ -64,8 +64,8 @@ def _network(
     figure: FigureOptions,
 ) -> Outcome[NetworkCalibrations]:
     """Calibrate a network from all its recordings together."""
-    unused(options, ("sensor",))
-    unused(analysis)
+    check_options(options, ("sensor",))
+    check_options(analysis)
     result = calibrated_network([network_readings(path, options.sensor) for path in recordings])
     sensor = result.calibration.sensor or recordings[0].stem
     place = out or default_path(recordings, sensor)

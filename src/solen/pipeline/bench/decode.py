@@ -22,15 +22,15 @@ from solen.analysis.calibration.streams import (
     recorded_stream,
 )
 from solen.analysis.network.file import NetworkCalibration, is_network_file, load_network
-from solen.analysis.network.recorded import chosen_network, places_of
+from solen.analysis.network.recorded import network_entry, indices_of
 from solen.analysis.network.stream_decoder import (
     NetworkDecoding,
     NetworkStream,
-    Turns,
-    line_turns,
-    recorded_turns,
+    SwitchingCycles,
+    cycles_of_lines,
+    recorded_cycles,
     scale_of,
-    unused,
+    check_options,
 )
 from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
@@ -118,16 +118,16 @@ def decode(
 
 def _of_network(
     calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
-) -> tuple[NetworkStream, Iterator[Turns]]:
+) -> tuple[NetworkStream, Iterator[SwitchingCycles]]:
     """Return a network's decoder, and its readings in successive blocks."""
-    unused(options, ("sensor", "follow"))
-    unused(signals)
+    check_options(options, ("sensor", "follow"))
+    check_options(signals)
     known, path = load_network(calibration), Path(source)
     if source == STDIN:
-        lines, warnings = line_turns(text, known)
+        lines, warnings = cycles_of_lines(text, known)
         return NetworkStream(known, str(calibration), source, None, warnings), lines
     if path.suffix != SUFFIX:
-        turns, provenance, warnings = recorded_turns(path, known, options.sensor)
+        turns, provenance, warnings = recorded_cycles(path, known, options.sensor)
         pieces = in_pieces(turns, len(turns.time_s), _PIECE)
         return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
     following = Following(path)
@@ -137,14 +137,14 @@ def _of_network(
 
 def _turns(
     following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
-) -> Iterator[Turns]:
+) -> Iterator[SwitchingCycles]:
     """Yield the readings in a run's journal, in the order of a calibration; with ``follow``, until the run ends."""
-    entry = chosen_network(following.header, sensor or known.sensor, file)
+    entry = network_entry(following.header, sensor or known.sensor, file)
     scale = scale_of(file, signal_unit(following.header), known)
-    lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
-    read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
+    lit = indices_of("emitter", known.emitters, list(entry["emitters"]), file)
+    read = indices_of("receiver", known.receivers, list(entry["inputs"]), file)
     for one in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
-        yield Turns(one.time_s, scale * one.volts[:, lit][:, :, read], clipped=one.clipped[:, lit][:, :, read])
+        yield SwitchingCycles(one.time_s, scale * one.volts[:, lit][:, :, read], clipped=one.clipped[:, lit][:, :, read])
 
 
 def _stream(

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis.network.calibrate import LeftOut, NetworkCalibrations
+from solen.analysis.network.calibrate import HeldOut, NetworkCalibrations
 from solen.analysis.network.states import NetworkStates
 from solen.arrays import FloatArray
 from solen.report.bench.analyse import label_of, state_origin
@@ -54,15 +54,15 @@ def calibration_figure(result: NetworkCalibrations) -> Figure:
     figure = Figure(figsize=(8.4, 2.9 * len(made.motions) + 0.3))
     panels = figure.subplots(len(made.motions), 2, squeeze=False)
     for place, (name, row) in enumerate(zip(made.motions, panels, strict=True)):
-        if result.left_out is None:
+        if result.held_out is None:
             for axes in row:
                 axes.text(0.5, 0.5, "not checked: too few states", ha="center", transform=axes.transAxes, color=LOST)
             continue
         check = made.checks[place]
-        _draw_angles(row[0], result.left_out, place)
+        _draw_angles(row[0], result.held_out, place)
         row[0].set(xlabel=f"{name}, true (deg)", ylabel="decoded (deg)")
         row[0].set_title(f"{name}, states not fitted: rms {check.rms_deg:.2g}°", loc="left")
-        _draw_errors(row[1], result.left_out, place)
+        _draw_errors(row[1], result.held_out, place)
         row[1].set(xlabel=f"{name}, true (deg)", ylabel="error (deg)")
         shares = f"{100 * check.within_68:.0f} and {100 * check.within_95:.0f} %"
         row[1].set_title(f"in the 68 and 95 % bands: {shares}", loc="left")
@@ -70,12 +70,12 @@ def calibration_figure(result: NetworkCalibrations) -> Figure:
     return figure
 
 
-def _some(left_out: LeftOut) -> FloatArray:
+def _some(left_out: HeldOut) -> FloatArray:
     count = len(left_out.angle_deg)
     return np.unique(np.linspace(0, count - 1, min(count, _DRAWN)).astype(int))
 
 
-def _draw_angles(axes: Axes, left_out: LeftOut, motion: int) -> None:
+def _draw_angles(axes: Axes, left_out: HeldOut, motion: int) -> None:
     rows = _some(left_out)
     true = left_out.angle_deg[rows, motion]
     ends = [float(true.min()), float(true.max())]
@@ -83,7 +83,7 @@ def _draw_angles(axes: Axes, left_out: LeftOut, motion: int) -> None:
     axes.plot(true, left_out.decoded.angle_deg[rows, motion], ".", ms=3.0, color=INK)
 
 
-def _draw_errors(axes: Axes, left_out: LeftOut, motion: int) -> None:
+def _draw_errors(axes: Axes, left_out: HeldOut, motion: int) -> None:
     rows, decoded = _some(left_out), left_out.decoded
     true = left_out.angle_deg[rows, motion]
     low, high = (one[rows, motion, 1] - true for one in (decoded.low_deg, decoded.high_deg))
