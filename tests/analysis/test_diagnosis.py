@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t
 
 from solen.analysis import AnalysisOptions, sensor_response
-from solen.analysis.diagnosis import LoadLines, Cycles, Response, Table, advice, diagnosed, fit, words
+from solen.analysis.diagnosis import Cycles, LoadLines, Response, Table, advice, diagnosed, fit, words
 from solen.analysis.diagnosis.curve_model import LOSS, OFFSET, SPREAD, ZERO, Model
 from solen.analysis.diagnosis.design_response import INDEX
 from solen.analysis.diagnosis.response_table import angles_deg

@@ -36,7 +36,7 @@ MOTIONS = ("lean", "sway")
 
 
 def readings(states: FloatArray, seed: int = 0, shares: object = light, held: int = HELD) -> NetworkReadings:
-    """SwitchingCycles of a network that rests in states, with noise that receivers share in part, and moves between them."""
+    """Readings of a network that rests in states and moves between them, with noise partly common to the receivers."""
     rng = np.random.default_rng(seed)
     angle = np.repeat(states, held, axis=0)
     signal = -shares(angle[:, 0], angle[:, 1])  # type: ignore[operator]

@@ -289,7 +289,7 @@ def _linearised(
 def _bins(angle: FloatArray, motion: Motion) -> IntArray:
     """Return the index of the narrow bin that contains each angle."""
     fraction = (angle - motion.low_deg) / (motion.high_deg - motion.low_deg)
-    return np.clip((fraction * _BINS).astype(int), 0, _BINS - 1)
+    return np.asarray(np.clip((fraction * _BINS).astype(int), 0, _BINS - 1))
 
 
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:

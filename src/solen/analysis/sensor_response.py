@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -245,8 +245,9 @@ def _check_alike(recordings: Sequence[Signals]) -> None:
 def _with_cell_errors(response: R, cell: LoadCell) -> R:
     """Return a response against force whose uncertainties include the load cell errors common to all readings."""
     u_slope = cell.u_slope or 0.0
-    names = ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg")
-    u = {f"u_{name}": math.hypot(getattr(response, f"u_{name}"), u_slope * getattr(response, name)) for name in names}
+    u: dict[str, Any] = {}
+    for name in ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg"):
+        u[f"u_{name}"] = math.hypot(getattr(response, f"u_{name}"), u_slope * getattr(response, name))
     if isinstance(response, PairResponse):
         u["u_balance_deg"] = math.hypot(response.u_balance_deg, u_slope * response.balance_deg, cell.u_line_N)
     return replace(response, **u)

@@ -195,7 +195,8 @@ def _spectrum(elapsed_s: FloatArray, signal: FloatArray, padding: int = 1) -> tu
     count = max(int(np.searchsorted(elapsed_s, SEARCHED_S)), 2)
     length = count if padding == 1 else 1 << (padding * count - 1).bit_length()
     frequency = np.fft.rfftfreq(length, float(elapsed_s[count - 1]) / (count - 1))
-    return frequency, np.abs(np.fft.rfft((signal[:count] - signal[:count].mean()) * np.hanning(count), length))
+    amplitude = np.abs(np.fft.rfft((signal[:count] - signal[:count].mean()) * np.hanning(count), length))
+    return np.asarray(frequency, np.float64), np.asarray(amplitude, np.float64)
 
 
 def _check(time_s: FloatArray, rate_hz: float) -> None:

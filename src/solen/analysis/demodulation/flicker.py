@@ -170,7 +170,8 @@ class _Fit:
         """Return a harmonic as a complex wave, (n, C), with phasors interpolated between the window midpoints."""
         phasors = self.phasors[:, self.orders.index(order)]
         carrier = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
-        return np.column_stack([np.interp(time_s, self.middle_s, column) for column in phasors.T]) * carrier
+        slow = np.column_stack([np.interp(time_s, self.middle_s, column) for column in phasors.T])
+        return np.asarray(slow * carrier)
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Return the sum of the harmonics at the specified times, (n, C)."""

@@ -110,7 +110,8 @@ def switched(
     limits, dark_at_limit = limits_of(samples, rails)
     at_limit = at_limits(samples.values, limits) & ~(dark_at_limit & (samples.state == OFF)[:, None])
     slots = _slots(samples, samples.values, at_limit)
-    flicker, means, unresolved_hz = None, None, ()
+    flicker, means = None, None
+    unresolved_hz: tuple[float, ...] = ()
     shows_flicker = float(np.median(slots.samples)) >= MIN_SLOT_SAMPLES
     if shows_flicker and mains_hz != 0.0:
         rate_hz = samples.rate_hz or _rate_hz(slots)

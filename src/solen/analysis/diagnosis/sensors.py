@@ -366,5 +366,5 @@ def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
             yield prefixed(side, warning(text))
     if len(diagnosis.sides) == 1:
         yield warning(
-            f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width are determined from it alone"
+            f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width follow from it alone"
         )

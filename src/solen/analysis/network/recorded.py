@@ -223,7 +223,7 @@ def _angles(recording: Recording) -> dict[str, Channel]:
 
 
 def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
-    """Return the time column, its factor to s, and warnings if s is assumed; raise `DataError` without such a column."""
+    """Return the time column, its factor to s, and warnings if s is assumed; raise `DataError` without a column."""
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:

@@ -145,7 +145,7 @@ def states_of(readings: NetworkReadings) -> States:
         limit = "contains no motion angles"
         raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
-    complete = np.isfinite(flat).all(axis=1)
+    complete = np.asarray(np.isfinite(flat).all(axis=1))
     stops = [stop for stop in _stops(readings.angle_deg) if complete[stop].sum() >= MIN_STOP_ROWS]
     if not stops:
         limit = f"has no stop with {MIN_STOP_ROWS} complete switching cycles of the emitters"
