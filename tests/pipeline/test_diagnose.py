@@ -106,7 +106,7 @@ def test_a_bench_run_carries_its_design(tmp_path: Path, capfd: pytest.CaptureFix
     assert not any("in proportion" in line for line in found["warnings"])  # its circuit is known
     assert "simulated data" in (tmp_path / "d.svg").read_text(encoding="utf-8")
     lines = _lines(capfd, str(path))
-    assert lines[0] == "lens-1, lens: 5 cycles, ± is half of a 95 % interval; simulated"
+    assert lines[0] == "lens-1, lens: 5 cycles, ± is the half-width of the 95 % interval; simulated"
     assert lines[1].startswith("  emitter 0.0")
 
 

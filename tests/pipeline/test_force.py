@@ -149,7 +149,7 @@ def test_forces_are_decoded_with_their_bands(folder: Path, capfd: pytest.Capture
     again = ["bench", "decode", str(known), str(folder / "again.csv"), *by_cell(folder), *motion, "--out", str(table)]
     assert run_command(again) == 0
     printed = capfd.readouterr()
-    assert "own force" in printed.out
+    assert "relative to the recorded force" in printed.out
     assert "share an error with a standard uncertainty of 1 %" in printed.err
     assert "WARNING" not in printed.err
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")

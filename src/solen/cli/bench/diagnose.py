@@ -12,6 +12,6 @@ from solen.pipeline.bench.diagnose import diagnose as diagnose
 def _(result: SensorDiagnoses) -> Iterator[str]:
     simulated = "; simulated" if result.simulated else ""
     for label, sensor in result.sensors.items():
-        yield f"{label}{LENS[sensor.lens]}: {sensor.cycles_used} cycles, ± is half of a 95 % interval{simulated}"
+        yield f"{label}{LENS[sensor.lens]}: {sensor.cycles_used} cycles, ± is the half-width of the 95 % interval{simulated}"
         yield from (f"  {line}" for line in sensor.words)
         yield from (f"  advice: {line}" for line in sensor.advice)
