@@ -199,7 +199,7 @@ def receiver_response(
 
 def _hidden_intervals(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
     """Return the first and last angle of each hidden interval."""
-    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
+    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in flag_runs(hidden))
 
 
 def levels(cycles: FloatArray) -> FloatArray:

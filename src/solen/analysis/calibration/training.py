@@ -123,7 +123,7 @@ def training_of(sensor: SensorResponse, *, full_range: bool = False) -> Training
     sweeps = _over_full_range(sensor, u_end) if full_range else sensor.passes
     volts = sweeps.volts[..., list(sides)]
     known = np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2)))
-    first, last = max(stretches(known), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
+    first, last = max(flag_runs(known), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
     if last - first < _MIN_COMMON_POINTS:
         limit = f"has no range of {sensor.stimulus.plural} in which both receivers have readings"
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy="inspect it with solen bench analyse --figure")

@@ -110,7 +110,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     unseparated, example = _unseparated(first.motions, forward, decoder)
     if unseparated > MAX_UNSEPARATED and example is not None:
         remedy = "add an emitter or a receiver that separates them; solen sensitivity shows what a design determines"
-        raise DataError(first.provenance.name, limit=" and ".join(in_words(example)), remedy=remedy)
+        raise DataError(first.provenance.name, limit=" and ".join(undetermined_sentences(example)), remedy=remedy)
     held_out = _held_out(ordered, stops, forward, noise)
     checks = () if held_out is None else checks_of(first.motions, held_out)
     warnings = [
@@ -314,7 +314,9 @@ def _cautions(checks: Sequence[MotionCheck], unseparated: float, example: Determ
         text = f"fewer than {2 * FOLDS} states are too few to check the calibration on held-out states"
         warnings.append(warning(text))
     if unseparated > MAX_UNSEPARATED_NOTED and example is not None:
-        warnings.append(warning(f"in {100 * unseparated:.2g} % of the states, {' and '.join(in_words(example))}"))
+        warnings.append(
+            warning(f"in {100 * unseparated:.2g} % of the states, {' and '.join(undetermined_sentences(example))}")
+        )
     for check in checks:
         if check.within_95 < MIN_WITHIN_95:
             text = f"only {100 * check.within_95:.0f} % of the readings of held-out states are within their 95 % bands"

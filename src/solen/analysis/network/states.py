@@ -200,7 +200,7 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
     limit = np.maximum(MAX_MOVEMENT * span, MAX_NOISES * noise)
     stationary: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
-    runs = [slice(begin + SETTLING_ROWS, end + REST_ROWS - SETTLING_ROWS) for begin, end in stretches(stationary)]
+    runs = [slice(begin + SETTLING_ROWS, end + REST_ROWS - SETTLING_ROWS) for begin, end in flag_runs(stationary)]
     return [run for run in runs if run.stop - run.start >= MIN_STOP_ROWS]
 
 

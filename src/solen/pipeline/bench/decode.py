@@ -145,8 +145,8 @@ def _journal_cycles(
     emitters = indices_of("emitter", known.emitters, list(entry["emitters"]), file)
     receivers = indices_of("receiver", known.receivers, list(entry["inputs"]), file)
     for part in _added(following, lambda: following.turns(entry["name"]), follow=follow):
-        volts, clipped = (values[:, emitters][:, :, receivers] for values in (part.volts, part.clipped))
-        yield SwitchingCycles(part.time_s, scale * volts, clipped=clipped)
+        signal, clipped = scale * part.volts[:, emitters][:, :, receivers], part.clipped[:, emitters][:, :, receivers]
+        yield SwitchingCycles(part.time_s, signal, clipped=clipped)
 
 
 def _stream(

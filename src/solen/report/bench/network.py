@@ -42,8 +42,8 @@ def _draw_stops(axes: Axes, result: NetworkStates, motion: int, emitter: int) ->
         axes.errorbar(stops_deg, signal, u, fmt=".", ms=3.0, lw=0.8, color=style["color"], alpha=0.6)
         column = signals[:, emitter * len(result.receivers) + receiver]
         means = [(angle[group == n].mean(), column[group == n].mean()) for n in np.unique(group)]
-        line = np.array(means).T if len(means) < len(states) else ([], [])
-        axes.plot(*line, **style, lw=1.2, label=name)
+        line = np.array(means if len(means) < len(states) else []).reshape(-1, 2)
+        axes.plot(line[:, 0], line[:, 1], **style, lw=1.2, label=name)
 
 
 def calibration_figure(result: NetworkCalibrations) -> Figure:
