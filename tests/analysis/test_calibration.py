@@ -225,8 +225,8 @@ def test_another_print_costs_what_prints_differ() -> None:
     assert own is not None
     assert other is not None
     assert [part.name for part in other.parts] == ["S0", "S1", "S2", "S3"]
-    assert other.whole.rms_deg > 1.5 * own.whole.rms_deg
-    assert other.whole.within_95 > 0.9  # and the band knows it
+    assert other.total.rms_deg > 1.5 * own.total.rms_deg
+    assert other.total.within_95 > 0.9  # and the band knows it
     together = pooled(ones)
     assert together.prints == 4
     assert together.cycles == 20

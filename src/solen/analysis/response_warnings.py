@@ -85,8 +85,8 @@ def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
     """Return a warning if the angle is not 0 at rest and never passes 0, so that nothing is known near zero."""
     for run in runs:
         motion, stimulus = run.motion, run.signals.stimulus
-        far = abs(motion.rest_deg) > _MARGIN * (motion.high_deg - motion.low_deg)
-        if far and not motion.low_deg < 0 < motion.high_deg:
+        off_zero = abs(motion.rest_deg) > _MARGIN * (motion.high_deg - motion.low_deg)
+        if off_zero and not motion.low_deg < 0 < motion.high_deg:
             option = f"--zero-deg {motion.rest_deg:.4g}" if stimulus is ANGLE else "--tare-s"
             text = (
                 f"the {stimulus.name} is {motion.rest_deg:.4g}{stimulus.sign} at rest and never passes 0, so there are "

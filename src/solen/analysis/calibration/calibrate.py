@@ -145,7 +145,7 @@ def _file(
         "speed_deg_per_s": statistics.median_high(motion.speed_deg_per_s for motion in motions),
     }
     cell = _cell(runs) if study.stimulus is FORCE else None
-    checked = None if check is None else Checked(whole=check.whole, parts=check.parts)
+    checked = None if check is None else Checked(whole=check.total, parts=check.parts)
     return CalibrationFile(
         solen=__version__,
         sensor=POOL if options.pool else sensors[0].label,
@@ -174,7 +174,7 @@ def _words(check: Check | None, fold: str, stimulus: Stimulus, cell: Cell | None
     """Return the summary of a cross-validation, in which each ``fold`` is a cycle or a print, in words."""
     if check is None:
         return ()
-    total, sign = check.whole, stimulus.sign
+    total, sign = check.total, stimulus.sign
     reference = " relative to the load cell" if stimulus is FORCE else ""
     sentence = (
         f"{stimulus.plural} of a held-out {fold} are decoded with an RMS error of {total.rms_deg:.2g}{sign}{reference} "
@@ -190,11 +190,11 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     if check is None:
         text = "only two cycles were used: at least three are needed to check the calibration on a held-out cycle"
         warnings.append(warning(text))
-    elif check.whole.ambiguous > _MAX_AMBIGUOUS:
-        percent = 100 * check.whole.ambiguous
+    elif check.total.ambiguous > _MAX_AMBIGUOUS:
+        percent = 100 * check.total.ambiguous
         warnings.append(warning(f"{percent:.2g} % of the readings match several {sensor.stimulus.plural}"))
-    if check is not None and check.whole.within_95 < _MIN_WITHIN_95:
-        percent = 100 * check.whole.within_95
+    if check is not None and check.total.within_95 < _MIN_WITHIN_95:
+        percent = 100 * check.total.within_95
         text = f"only {percent:.0f} % of the readings of held-out cycles are within their 95 % bands"
         warnings.append(do_not_use(text))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg

@@ -19,7 +19,7 @@ _MAX_RATIO = 100.0  # ratio to the largest calibrated reading above which readin
 _MIN_PERCENT = 0.5  # smallest percentage of the readings with a flag that causes a warning
 
 
-class _Known(Protocol):
+class _AnyCalibration(Protocol):
     """Attributes common to the calibrations of sensors and networks."""
 
     @property
@@ -29,15 +29,15 @@ class _Known(Protocol):
     def unit(self) -> str: ...
 
 
-K = TypeVar("K", bound=_Known)
+C = TypeVar("C", bound=_AnyCalibration)
 
 
-class CountedStream(Generic[K]):
+class CountedStream(Generic[C]):
     """Counts of a stream's readings, decoded with a calibration.
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     source, provenance
         Name of the stream in error messages, and its file; None if lines are read.
@@ -51,14 +51,14 @@ class CountedStream(Generic[K]):
 
     def __init__(
         self,
-        known: K,
+        calibration: C,
         file: str,
         source: str,
         provenance: Provenance | None,
         largest: float,
         flags: tuple[str, ...],
     ) -> None:
-        self._known, self._file, self._source = known, file, source
+        self._calibration, self._file, self._source = calibration, file, source
         self._provenance, self._largest = provenance, largest
         self._times_s = (math.nan, math.nan)
         self.counts = dict.fromkeys(("readings", "missing", *flags), 0)
@@ -76,14 +76,14 @@ class CountedStream(Generic[K]):
 
     @property
     def _simulated(self) -> bool:
-        return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
+        return self._calibration.simulated or (self._provenance is not None and self._provenance.simulated)
 
     def _check_scale(self, readings: FloatArray, example: str) -> None:
         """Raise `DataError` if readings (n, ...) are so large that they must be in another unit."""
         largest = np.abs(readings).max(axis=tuple(range(1, readings.ndim)))
         typical = float(np.median(largest[np.isfinite(largest)])) if np.isfinite(largest).any() else 0.0
         if typical > _MAX_RATIO * self._largest:
-            unit = self._known.unit
+            unit = self._calibration.unit
             limit = f"reads {typical:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
             raise DataError(self._source, limit=limit, remedy=f"specify the unit in the header, as in {example}")
 

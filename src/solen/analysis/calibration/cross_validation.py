@@ -31,7 +31,7 @@ class Check:
     and band limits of all held-out readings.
     """
 
-    whole: Part
+    total: Part
     parts: tuple[Part, ...]
     true_deg: FloatArray = field(repr=False)
     angle_deg: FloatArray = field(repr=False)

@@ -84,12 +84,12 @@ class Decoded:
 
         At the 95 % level, the band of any interval may contain the angle.
         """
-        held = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
+        contained = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
         if level == len(LEVELS) - 1 and self.other.size:
             true = angle_deg[self.other]
             inside = (self.other_deg[:, 0] <= true) & (true <= self.other_deg[:, 1])
-            held[self.other[inside]] = True
-        return np.asarray(held)
+            contained[self.other[inside]] = True
+        return np.asarray(contained)
 
     def selected(self, indices: IndexArray) -> "Decoded":
         """Select the readings with the given indices, in that order; no index may occur twice."""

@@ -129,7 +129,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     stream
         Source of the readings.
@@ -150,38 +150,38 @@ class StreamDecoder(CountedStream[CalibrationFile]):
 
     def __init__(
         self,
-        known: CalibrationFile,
+        calibration: CalibrationFile,
         file: str,
         stream: Stream,
         options: DecodeOptions,
         rails: tuple[float, float] | None,
         source: str,
     ) -> None:
-        if options.gain_percent and known.dark_V is None:
+        if options.gain_percent and calibration.dark_V is None:
             limit = "requires the voltage without light, which the calibration does not contain"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
-        scale = factor(stream.unit, known.unit)
+        scale = factor(stream.unit, calibration.unit)
         if scale is None:
-            limit = f"contains readings in {stream.unit}, but the calibration {file} is in {known.unit}"
-            remedy = f"correct the unit in the header, as in left ({known.unit}), or calibrate in {stream.unit}"
+            limit = f"contains readings in {stream.unit}, but the calibration {file} is in {calibration.unit}"
+            remedy = f"correct the unit in the header, as in left ({calibration.unit}), or calibrate in {stream.unit}"
             raise DataError(source, limit=limit, remedy=remedy)
-        calibration = known.calibration
-        largest = float(np.abs(calibration.curves_V).max())
-        super().__init__(known, file, source, stream.provenance, largest, FLAGS)
+        model = calibration.calibration
+        largest = float(np.abs(model.curves_V).max())
+        super().__init__(calibration, file, source, stream.provenance, largest, FLAGS)
         self._stream, self._scale = stream, scale
-        self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
+        self._decoder = Decoder(model, gain_percent=options.gain_percent, dark_V=calibration.dark_V or 0.0)
         self._tracker = Tracker(1e-3 * options.window_ms)
-        self._middle_V = calibration.curves_V.mean(axis=(0, 1))
-        self._rails = calibration.rails_V if rails is None else np.array([rails] * 2)
+        self._middle_V = model.curves_V.mean(axis=(0, 1))
+        self._rails = model.rails_V if rails is None else np.array([rails] * 2)
         self._range_deg = (math.inf, -math.inf)
         self._parts: list[Part] = []
-        self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
+        self.warnings = (*stream.warnings, *_condition_warnings(calibration, stream, options))
 
     @property
     def header(self) -> str:
         """Header line with the column names."""
-        stimulus = self._known.stimulus_of
+        stimulus = self._calibration.stimulus_of
         names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
         return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
 
@@ -194,7 +194,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         noise = self._decoder.noise_deg(decoded.angle_deg)
         headings = self._tracker.of(batch.time_s[complete], decoded.angle_deg, noise)
         self._count(batch, complete, decoded)
-        return "".join(_rows(batch.time_s, complete, decoded, headings, sides=self._known.stimulus_of is ANGLE))
+        return "".join(_rows(batch.time_s, complete, decoded, headings, sides=self._calibration.stimulus_of is ANGLE))
 
     def _marks(self, batch: Batch, complete: BoolArray) -> NDArray[np.int8]:
         """Return 1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
@@ -225,17 +225,17 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         if not self.counts["readings"]:
             raise DataError(self._source, limit="contains no reading", remedy="check its columns")
         low, high = self._range_deg
-        meanings = {name: text.format_map(vars(self._known.stimulus_of)) for name, text in _MEANINGS.items()}
+        meanings = {name: text.format_map(vars(self._calibration.stimulus_of)) for name, text in _MEANINGS.items()}
         return Decoding(
             **self.counts,
             from_s=self._times_s[0],
             to_s=self._times_s[1],
-            stimulus=self._known.stimulus,
+            stimulus=self._calibration.stimulus,
             lowest_deg=low if math.isfinite(low) else None,
             highest_deg=high if math.isfinite(high) else None,
             against_angle=merged("source", self._parts) if self._parts else None,
             calibration=self._file,
-            calibrated_sensor=self._known.sensor,
+            calibrated_sensor=self._calibration.sensor,
             sensor=self._stream.sensor,
             simulated=self._simulated,
             interrupted=interrupted,
@@ -245,24 +245,24 @@ class StreamDecoder(CountedStream[CalibrationFile]):
 
     def _cell_notes(self) -> Iterator[Caution]:
         """Yield a note on the load cell errors that a comparison with the recorded forces does not show."""
-        cell = self._known.load_cell
+        cell = self._calibration.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
 
 
-def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
+def _condition_warnings(calibration: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
     """Yield warnings if the calibration must not be used, or its conditions differ from the source or are unknown."""
-    yield from (prefixed("calibration", caution) for caution in known.warnings if rank_of(caution) == DO_NOT_USE)
-    motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
-    different, unknown = differences(known, motion, circuit)
+    yield from (prefixed("calibration", caution) for caution in calibration.warnings if rank_of(caution) == DO_NOT_USE)
+    motion, circuit = conditions(stream.sensor or calibration.sensor, stream.provenance, options, stream.ambient)
+    different, unknown = differences(calibration, motion, circuit)
     same_conditions = not different
-    if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
+    if len(calibration.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(calibration.sensor):
         if stream.named:
-            different.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
+            different.insert(0, f"sensor {stream.sensor} instead of {calibration.sensor}")
         else:
             yield note(
                 f"{stream.sensor} is only a file name, so the recording is decoded as the calibrated sensor "
-                f'{known.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
+                f'{calibration.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
             )
     if different:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(different)}")
@@ -271,7 +271,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
             f"the recording does not specify the {' and the '.join(unknown)}, so that it cannot be checked whether the "
             "calibration applies to its motion; use --design with the design file of the sensor, or --motion"
         )
-    if known.simulated and not stream.simulated and stream.provenance is not None:
+    if calibration.simulated and not stream.simulated and stream.provenance is not None:
         yield do_not_use("the calibration is simulated, but the recording is not")
 
 

@@ -276,10 +276,10 @@ def _correlated(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, st
     Two gains are not reported as correlated, because their ratio is reported.
     """
     pairs = []
-    for (i, one), (j, other) in combinations(enumerate(fitted.names), 2):
-        gains = one.startswith("gain") and other.startswith("gain")
-        if abs(correlations[i, j]) > MAX_CORRELATION and not gains and not other.startswith("offset"):
-            pairs.append((one, other, float(correlations[i, j])))
+    for (i, first), (j, second) in combinations(enumerate(fitted.names), 2):
+        gains = first.startswith("gain") and second.startswith("gain")
+        if abs(correlations[i, j]) > MAX_CORRELATION and not gains and not second.startswith("offset"):
+            pairs.append((first, second, float(correlations[i, j])))
     return tuple(pairs)
 
 

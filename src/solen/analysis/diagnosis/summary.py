@@ -129,8 +129,8 @@ def _gains(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{side} receiver: gain {pm(gain)} for all of the emitted light, offset {pm(offset)}"
     if "gain_ratio" in diagnosis.estimates:
         yield f"ratio of right gain to left gain {pm(diagnosis.estimates['gain_ratio'])}"
-    for one, other, correlation in diagnosis.correlated:
-        names = f"{NAMES.get(one, one)} and {NAMES.get(other, other)}"
+    for first, second, correlation in diagnosis.correlated:
+        names = f"{NAMES.get(first, first)} and {NAMES.get(second, second)}"
         yield f"{names} are strongly correlated (correlation {correlation:+.3f})"
 
 

@@ -105,7 +105,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     source, provenance
         Name of the stream in error messages, and its file; None if lines are read.
@@ -115,15 +115,15 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 
     def __init__(
         self,
-        known: NetworkCalibration,
+        calibration: NetworkCalibration,
         file: str,
         source: str,
         provenance: Provenance | None,
         warnings: tuple[Caution, ...] = (),
     ) -> None:
-        largest = float(np.abs(np.array(known.signal_V)).max())
-        super().__init__(known, file, source, provenance, largest, (*FLAGS, "clipped"))
-        self._ranges = np.array([[math.inf, -math.inf]] * len(known.motions))
+        largest = float(np.abs(np.array(calibration.signal_V)).max())
+        super().__init__(calibration, file, source, provenance, largest, (*FLAGS, "clipped"))
+        self._ranges = np.array([[math.inf, -math.inf]] * len(calibration.motions))
         self._compared: list[HeldOut] = []
         self.warnings = (*warnings, *self._calibration_warnings())
 
@@ -131,13 +131,13 @@ class NetworkStream(CountedStream[NetworkCalibration]):
     def header(self) -> str:
         """Header line with the column names."""
         suffixes = ["_deg", *(f"_{band}_deg" for band in BANDS)]
-        columns = (f"{name}{suffix}" for name in self._known.motions for suffix in suffixes)
+        columns = (f"{name}{suffix}" for name in self._calibration.motions for suffix in suffixes)
         return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
 
     def rows(self, cycles: SwitchingCycles) -> str:
         """Decode switching cycles into CSV lines; raise `DataError` if the readings must be in another unit."""
         self._check_scale(cycles.signal, "a.end_mV")
-        decoded = self._known.decoder.decode(cycles.signal)
+        decoded = self._calibration.decoder.decode(cycles.signal)
         self._count(cycles, decoded)
         return "".join(_rows(cycles.time_s, decoded))
 
@@ -146,7 +146,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
         if not self.counts["readings"]:
             limit = "contains no complete switching cycle of the emitters"
             raise DataError(self._source, limit=limit, remedy="check its columns")
-        pairs = zip(self._known.motions, self._ranges.tolist(), strict=True)
+        pairs = zip(self._calibration.motions, self._ranges.tolist(), strict=True)
         return NetworkDecoding(
             **self.counts,
             from_s=self._times_s[0],
@@ -154,7 +154,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
             reached_deg={name: (low, high) for name, (low, high) in pairs if low <= high},
             against=self._against(),
             calibration=self._file,
-            sensor=self._known.sensor,
+            sensor=self._calibration.sensor,
             simulated=self._simulated,
             interrupted=interrupted,
             sources=() if self._provenance is None else (self._provenance,),
@@ -162,9 +162,9 @@ class NetworkStream(CountedStream[NetworkCalibration]):
         )
 
     def _calibration_warnings(self) -> Iterator[Caution]:
-        unusable = (caution for caution in self._known.warnings if rank_of(caution) == DO_NOT_USE)
+        unusable = (caution for caution in self._calibration.warnings if rank_of(caution) == DO_NOT_USE)
         yield from (prefixed("calibration", caution) for caution in unusable)
-        if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
+        if self._calibration.simulated and self._provenance is not None and not self._provenance.simulated:
             yield do_not_use("the calibration is simulated, but the recording is not")
 
     def _count(self, cycles: SwitchingCycles, decoded: NetworkDecoded) -> None:
@@ -178,7 +178,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
         self._ranges[:, 0] = np.minimum(self._ranges[:, 0], on_map.min(axis=0, initial=math.inf))
         self._ranges[:, 1] = np.maximum(self._ranges[:, 1], on_map.max(axis=0, initial=-math.inf))
         if cycles.angle_deg is not None:
-            low, high = np.array(self._known.range_deg).T
+            low, high = np.array(self._calibration.range_deg).T
             margin = 1e-6 * (high - low)
             true = cycles.angle_deg
             kept = complete & ((true >= low - margin) & (true <= high + margin)).all(axis=1)
@@ -186,11 +186,11 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 
     def _against(self) -> tuple[MotionCheck, ...]:
         parts = [part for part in self._compared if len(part.angle_deg)]
-        return checks_of(self._known.motions, HeldOut.joined(parts)) if parts else ()
+        return checks_of(self._calibration.motions, HeldOut.joined(parts)) if parts else ()
 
 
 def recorded_cycles(
-    path: Path, known: NetworkCalibration, sensor: str | None
+    path: Path, calibration: NetworkCalibration, sensor: str | None
 ) -> tuple[SwitchingCycles, Provenance, tuple[Caution, ...]]:
     """Return the switching cycles in a recording with the true angles at its stops, its provenance, and warnings.
 
@@ -199,9 +199,9 @@ def recorded_cycles(
     DataError
         If an emitter or a receiver is missing, or the unit cannot be converted to that of the calibration.
     """
-    readings = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
-    scale = scale_of(path.name, readings.unit, known)
-    _check_ambient(path.name, readings.ambient, known)
+    readings = network_readings(path, sensor).ordered(calibration.motions, calibration.emitters, calibration.receivers)
+    scale = scale_of(path.name, readings.unit, calibration)
+    _check_ambient(path.name, readings.ambient, calibration)
     true = None
     if readings.motions:
         true = np.where(at_rest(readings.angle_deg)[:, None], readings.angle_deg, np.nan)
@@ -209,24 +209,24 @@ def recorded_cycles(
     return cycles, readings.provenance, readings.warnings
 
 
-def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
-    if None not in {ambient, known.ambient} and ambient != known.ambient:
-        limit = f"contains readings with ambient light {ambient}, but in the calibration it was {known.ambient}"
+def _check_ambient(source: str, ambient: Ambient | None, calibration: NetworkCalibration) -> None:
+    if None not in {ambient, calibration.ambient} and ambient != calibration.ambient:
+        limit = f"contains readings with ambient light {ambient}, but in the calibration it was {calibration.ambient}"
         raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
 
 
-def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
+def scale_of(source: str, unit: str, calibration: NetworkCalibration) -> float:
     """Return the factor from a unit to that of the calibration; raise `DataError` if it cannot be converted."""
-    scale = factor(unit, known.unit)
+    scale = factor(unit, calibration.unit)
     if scale is None:
-        limit = f"contains readings in {unit}, but the calibration is in {known.unit}"
-        remedy = f"correct the unit in the header, as in a.end ({known.unit}), or calibrate in {unit}"
+        limit = f"contains readings in {unit}, but the calibration is in {calibration.unit}"
+        remedy = f"correct the unit in the header, as in a.end ({calibration.unit}), or calibrate in {unit}"
         raise DataError(source, limit=limit, remedy=remedy)
     return scale
 
 
 def cycles_of_lines(
-    text: Iterable[str], known: NetworkCalibration
+    text: Iterable[str], calibration: NetworkCalibration
 ) -> tuple[Iterator[SwitchingCycles], tuple[Caution, ...]]:
     """Return the switching cycles from CSV lines, each as soon as it arrives, and warnings.
 
@@ -238,7 +238,7 @@ def cycles_of_lines(
         If there is no column for the time or for a power in the calibration.
     """
     lines = lines_of(text, remedy="begin the lines with time_s, and EMITTER.RECEIVER for each power")
-    layout = _Layout.of(lines, known)
+    layout = _Layout.of(lines, calibration)
     return (layout.cycle(values) for values in lines.rows), layout.warnings
 
 
@@ -253,19 +253,19 @@ class _Layout:
     warnings: tuple[Caution, ...]
 
     @classmethod
-    def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
+    def of(cls, lines: Lines, calibration: NetworkCalibration) -> "_Layout":
         """Return the layout of lines, from their header."""
         header = lines.header
         times, seconds, warnings = times_of(header)
         powers = power_columns(header.channels, STDIN)
-        _check_ambient(STDIN, powers.ambient, known)
-        pairs = list(product(known.emitters, known.receivers))
+        _check_ambient(STDIN, powers.ambient, calibration)
+        pairs = list(product(calibration.emitters, calibration.receivers))
         for pair in pairs:
             if pair not in powers.indices:
                 limit = f"contains no column {'.'.join(pair)}, which the calibration requires"
                 raise DataError(STDIN, limit=limit, remedy=f"add it; the columns are {', '.join(lines.names)}")
-        shape = len(known.emitters), len(known.receivers)
-        scale = scale_of(STDIN, powers.unit, known)
+        shape = len(calibration.emitters), len(calibration.receivers)
+        scale = scale_of(STDIN, powers.unit, calibration)
         return cls(
             time=(header.names.index(times.name), seconds),
             columns=np.array([powers.indices[pair] for pair in pairs]).reshape(shape),

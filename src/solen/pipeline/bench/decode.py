@@ -99,9 +99,9 @@ def decode(
     if is_network_file(calibration):
         decoder, pieces = _of_network(calibration, source, options, signals, lines)
     else:
-        known = load(calibration)
-        stream = _stream(source, options, signals, known, lines)
-        decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
+        loaded = load(calibration)
+        stream = _stream(source, options, signals, loaded, lines)
+        decoder = StreamDecoder(loaded, str(calibration), stream, options, signals.rails, source)
         pieces = (piece for batch in stream.batches for piece in in_pieces(batch, len(batch.time_s), _MAX_ROWS))
     if warn is not None:
         for caution in decoder.warnings:
@@ -118,39 +118,39 @@ def decode(
 
 
 def _of_network(
-    calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
+    file: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
 ) -> tuple[NetworkStream, Iterator[SwitchingCycles]]:
     """Return the decoder of a network, and its switching cycles in successive pieces."""
     check_options(options, ("sensor", "follow"))
     check_options(signals)
-    known, path = load_network(calibration), Path(source)
+    calibration, path = load_network(file), Path(source)
     if source == STDIN:
-        lines, warnings = cycles_of_lines(text, known)
-        return NetworkStream(known, str(calibration), source, None, warnings), lines
+        lines, warnings = cycles_of_lines(text, calibration)
+        return NetworkStream(calibration, str(file), source, None, warnings), lines
     if path.suffix != SUFFIX:
-        cycles, provenance, warnings = recorded_cycles(path, known, options.sensor)
+        cycles, provenance, warnings = recorded_cycles(path, calibration, options.sensor)
         pieces = in_pieces(cycles, len(cycles.time_s), _MAX_ROWS)
-        return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
+        return NetworkStream(calibration, str(file), source, provenance, warnings), pieces
     following = Following(path)
-    journaled = _journal_cycles(following, known, options.sensor, path.name, follow=options.follow)
-    return NetworkStream(known, str(calibration), source, _provenance(following, path)), journaled
+    journaled = _journal_cycles(following, calibration, options.sensor, path.name, follow=options.follow)
+    return NetworkStream(calibration, str(file), source, _provenance(following, path)), journaled
 
 
 def _journal_cycles(
-    following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
+    following: Following, calibration: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
 ) -> Iterator[SwitchingCycles]:
     """Yield the switching cycles in a run's journal, in the order of a calibration."""
-    entry = network_entry(following.header, sensor or known.sensor, file)
-    scale = scale_of(file, signal_unit(following.header), known)
-    emitters = indices_of("emitter", known.emitters, list(entry["emitters"]), file)
-    receivers = indices_of("receiver", known.receivers, list(entry["inputs"]), file)
+    entry = network_entry(following.header, sensor or calibration.sensor, file)
+    scale = scale_of(file, signal_unit(following.header), calibration)
+    emitters = indices_of("emitter", calibration.emitters, list(entry["emitters"]), file)
+    receivers = indices_of("receiver", calibration.receivers, list(entry["inputs"]), file)
     for part in _added(following, lambda: following.turns(entry["name"]), follow=follow):
         signal, clipped = scale * part.volts[:, emitters][:, :, receivers], part.clipped[:, emitters][:, :, receivers]
         yield SwitchingCycles(part.time_s, signal, clipped=clipped)
 
 
 def _stream(
-    source: str, options: DecodeOptions, signals: SignalOptions, known: CalibrationFile, text: Iterable[str]
+    source: str, options: DecodeOptions, signals: SignalOptions, calibration: CalibrationFile, text: Iterable[str]
 ) -> Stream:
     if source == STDIN:
         check_live(signals)
@@ -158,8 +158,8 @@ def _stream(
     path = Path(source)
     if path.suffix == SUFFIX:
         check_live(signals, subtracted=True)
-        return _journal(path, options, known.sensor)
-    return recorded_stream(path, signals, options.sensor, known.sensor, known.stimulus_of)
+        return _journal(path, options, calibration.sensor)
+    return recorded_stream(path, signals, options.sensor, calibration.sensor, calibration.stimulus_of)
 
 
 def _write_rows(

@@ -43,10 +43,10 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
     fold = "cycles" if file.leave_one_sensor_out is None else "prints"
     _draw_angles(angles, check, stimulus)
     angles.set(xlabel=stimulus.known_label, ylabel=f"decoded {stimulus.label}")
-    angles.set_title(f"held-out {fold}: RMS error {check.whole.rms_deg:.2g}{stimulus.sign}", loc="left")
+    angles.set_title(f"held-out {fold}: RMS error {check.total.rms_deg:.2g}{stimulus.sign}", loc="left")
     _draw_errors(errors, check, stimulus)
     errors.set(xlabel=stimulus.known_label, ylabel=f"error ({stimulus.sign.strip()})")
-    fractions = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
+    fractions = f"{100 * check.total.within_68:.0f} and {100 * check.total.within_95:.0f} %"
     errors.set_title(f"within the 68 and 95 % bands: {fractions}", loc="left")
 
 
