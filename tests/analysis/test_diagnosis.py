@@ -30,7 +30,7 @@ from tests.analysis.diagnosis_support import (
     table,
     truth,
 )
-from tests.analysis.made_support import made
+from tests.analysis.simulated_support import made
 
 DESIGN_TEXT = 'schema = 1\nname = "one"\n[material]\nindex = 1.44\n[emitter]\nwidth_mm = 0.2\n'
 DESIGN = loads(DESIGN_TEXT)

@@ -12,7 +12,7 @@ from solen.analysis.diagnosis.design_response import INDEX
 from solen.analysis.diagnosis.light_by_position import light_by_position
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
-from tests.analysis.made_support import made
+from tests.analysis.simulated_support import made
 from tests.analysis.space_support import CHIPS, DESIGN, LitInSpace, shares, traced
 from tests.analysis.space_tracer_support import powers
 

@@ -5,7 +5,7 @@ import pytest
 
 from solen.analysis import find_motion, time_base
 from solen.errors import DataError
-from tests.analysis.made_support import LEVELS, Protocol, Truth, made, part
+from tests.analysis.simulated_support import LEVELS, Protocol, Truth, made, part
 
 TRUTHS = {
     "paper": Truth(),

@@ -14,8 +14,8 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench.demodulate import demodulate as demodulate_file
 from tests.analysis.diagnosis_support import KNOWN, response
-from tests.analysis.made_support import Protocol
 from tests.analysis.rig_support import Rig
+from tests.analysis.simulated_support import Protocol
 
 ROUGH = Rig(lamps_V=0.05, gain_V=(11.5, 8.0))
 """Lamps flicker, and the left receiver reaches the lower rail at large angles."""

@@ -8,7 +8,7 @@ import pytest
 from solen.analysis import AnalysisOptions, SensorResponse, Signals, sensor_response
 from solen.analysis.timing import at_main_speed
 from solen.arrays import FloatArray
-from tests.analysis.made_support import Protocol
+from tests.analysis.simulated_support import Protocol
 
 
 @dataclass(frozen=True)

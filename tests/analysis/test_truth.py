@@ -8,7 +8,7 @@ import pytest
 from solen.analysis import AnalysisOptions, SensorResponse, group_of, sensor_response
 from solen.analysis.response import grid_deg, on_grid
 from solen.errors import DataError
-from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.simulated_support import Protocol, Truth, made
 
 NOISY = Truth(noise_V=0.02, angle_noise_deg=0.01)
 

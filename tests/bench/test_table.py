@@ -12,13 +12,13 @@ from solen.analysis.calibration.decoder import Decoder
 from solen.analysis.calibration.estimate import Calibration, calibrated
 from solen.analysis.calibration.table import BoardTable
 from solen.arrays import FloatArray
-from tests.analysis.calibration_support import SHORT, trained
-from tests.analysis.made_support import Truth
+from tests.analysis.calibration_support import SHORT, training
+from tests.analysis.simulated_support import Truth
 from tests.bench.firmware_support import micropython
 
 
 def known() -> Calibration:
-    return calibrated(trained(Truth(noise_V=0.01, protocol=SHORT)))
+    return calibrated(training(Truth(noise_V=0.01, protocol=SHORT)))
 
 
 def made(points: int = 33) -> BoardTable:

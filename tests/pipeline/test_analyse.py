@@ -18,7 +18,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.bench import analyse as pipeline
 from solen.report.options import FigureOptions
 from solen.samples import sample
-from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.simulated_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.01)
 

@@ -28,7 +28,7 @@ from solen.bench.record import record
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
-from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.simulated_support import Protocol, Truth, made
 from tests.bench.lsl_support import kept_streams
 from tests.bench.rig_support import PROTOCOL
 from tests.bench.wire_support import Served

@@ -16,7 +16,7 @@ from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.spec import loads
 from tests.analysis.diagnosis_support import Lit, integral, response
-from tests.analysis.made_support import made
+from tests.analysis.simulated_support import made
 from tests.command_support import answered
 
 DESIGN = 'schema = 1\nname = "one"\n[material]\nindex = 1.44\n[emitter]\nwidth_mm = 0.2\n'

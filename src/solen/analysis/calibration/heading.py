@@ -27,7 +27,7 @@ class Headings:
     slope_deg_per_s: FloatArray
     rises: FloatArray
 
-    def words(self) -> list[str]:
+    def labels(self) -> list[str]:
         """Return ``rising``, ``falling`` or an empty string for each angle."""
         labels = np.where(self.rises <= 1.0 - _MIN_PROBABILITY, "falling", "")
         return list(np.where(self.rises >= _MIN_PROBABILITY, "rising", labels).tolist())

@@ -294,7 +294,7 @@ def _rows(
         decoded.low_deg.tolist(),
         decoded.high_deg.tolist(),
         decoded.right.tolist(),
-        headings.words(),
+        headings.labels(),
         headings.rises.tolist(),
         _flags(decoded),
     )

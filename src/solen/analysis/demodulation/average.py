@@ -23,7 +23,7 @@ MAX_DEVIATION = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Means of blocks of readings, like `Demodulated`; ``left_out`` readings belong to no complete block.
+    """Means of blocks of readings, like `Demodulated`; ``omitted`` readings belong to no complete block.
 
     ``blocks`` contains the indices of the readings in each block, (B, readings).
     """
@@ -36,7 +36,7 @@ class Averaged:
     ambient: FloatArray
     clipped: BoolArray
     readings: int
-    left_out: int
+    omitted: int
 
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
@@ -70,7 +70,7 @@ def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
         ambient=result.ambient[blocks].mean(axis=1),
         clipped=result.clipped[blocks].any(axis=1),
         readings=readings,
-        left_out=len(result.time_s) - blocks.size,
+        omitted=len(result.time_s) - blocks.size,
     )
 
 

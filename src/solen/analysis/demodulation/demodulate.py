@@ -226,7 +226,7 @@ def _warnings(result: Switched) -> list[Caution]:
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
-        *([] if means is None or not means.left_out else [warning(f"{means.left_out} {_OMITTED}")]),
+        *([] if means is None or not means.omitted else [warning(f"{means.omitted} {_OMITTED}")]),
         *swapped(samples, readings),
         *unresolved_flicker(result),
         *([] if samples.clock is None else _clock_warnings(samples.clock)),
