@@ -1,4 +1,4 @@
-"""Subtraction of ambient light: exact for linear changes, otherwise as its transfer function; counts of missing slots."""
+"""Subtraction of ambient light: exact for linear changes, otherwise as its transfer function; missing slots."""
 
 from collections.abc import Callable
 

@@ -13,7 +13,7 @@ from solen.analysis.diagnosis import diagnosed
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench.demodulate import demodulate as demodulate_file
-from tests.analysis.diagnosis_support import KNOWN, response
+from tests.analysis.diagnosis_support import PRIORS, response
 from tests.analysis.rig_support import Rig
 from tests.analysis.simulated_support import Protocol
 
@@ -225,11 +225,11 @@ def covered(seeds: range, folder: Path) -> dict[str, float]:
             start=draw.uniform(),
             ppm=draw.uniform(-100.0, 100.0),
             mains_hz=50.0 + 0.02 * draw.standard_normal(),
-            zero_deg=KNOWN["angle.zero_deg"] * draw.standard_normal(),
-            index=KNOWN["material.index"] * draw.standard_normal(),
+            zero_deg=PRIORS["angle.zero_deg"] * draw.standard_normal(),
+            index=PRIORS["material.index"] * draw.standard_normal(),
         )
         found = study([rig.write(folder, name="daq.mat")])
-        estimates = diagnosed(next(iter(found.sensors.values())), of, KNOWN).estimates
+        estimates = diagnosed(next(iter(found.sensors.values())), of, PRIORS).estimates
         for name, true in (("emitter_offset_mm", rig.offset_mm), ("chip_width_mm", rig.width_mm)):
             low, high = estimates[name].low, estimates[name].high
             hits[name] += low is not None and high is not None and low <= true <= high

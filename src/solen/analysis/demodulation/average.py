@@ -18,7 +18,7 @@ from solen.errors import DataError
 
 MAX_READINGS = 1000
 MAX_DEVIATION = 0.02
-"""Largest deviation of a block from a whole number of mains periods, in periods."""
+"""Largest deviation of a block from an integer number of mains periods, in periods."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ MAX_STRIP_BEND_MM, MAX_CHANGE_BEND_MM = 4e-5, 2e-5
 """Deviation of the integral at a strip's midpoint, or of its change, from the curve, above which the strip and its
 neighbours are halved.
 """
-NEAR_MM, FAR_FACTOR = 0.35, 4.0
+INNER_MM, OUTER_FACTOR = 0.35, 4.0
 """Distance from the axis outside which the tolerance of integrals over positions is increased, and the factor."""
 MAX_TOLERANCE = 2e-3
 MAX_U_RATIO = 10.0
@@ -224,4 +224,4 @@ def _adjoining(positions_mm: FloatArray, curved_mm: FloatArray) -> IndexArray:
 
 def _tolerance_factor(positions_mm: FloatArray) -> FloatArray:
     """Return the factor by which the tolerance is multiplied at each position."""
-    return np.where(np.abs(positions_mm) <= NEAR_MM, 1.0, FAR_FACTOR)
+    return np.where(np.abs(positions_mm) <= INNER_MM, 1.0, OUTER_FACTOR)
