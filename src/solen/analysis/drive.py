@@ -108,7 +108,7 @@ def reject_undriven(recording: Recording) -> NoReturn:
     """Raise `DataError` for a recording without an angle, force or depth."""
     remedy = (
         "name an angle column with --angle, a stage log with --angle-file, a force column with --load or a depth "
-        f"column with --depth, or specify --amplitude-deg; {existing(recording)}"
+        f"column with --depth, or specify --amplitude-deg; {column_list(recording)}"
     )
     limit = "no column is recognised as an angle, force or depth"
     raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
@@ -137,7 +137,7 @@ def _selected(
         others = [name for name in STIMULI if name != options.against and _is_recorded(recording, name, named)]
         contents = f"; this recording contains {' and '.join(others)}" if others else ""
         limit = f"no column is recognised as the {options.against}{contents}"
-        remedy = f"name the column with --{STIMULI[options.against].column}; {existing(recording)}"
+        remedy = f"name the column with --{STIMULI[options.against].column}; {column_list(recording)}"
         raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
     return None
 

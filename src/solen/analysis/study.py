@@ -351,7 +351,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
     samples, provenance = part.samples, part.recording.provenance
     file_lens, controls = _specified_lens(provenance, options, path)
     ambient_V = ambient_by_side(part.recording)
-    for sensor, receivers in by_sensor(samples.receivers, part.label, alone=files == 1).items():
+    for sensor, receivers in by_sensor(samples.receivers, part.label, single_file=files == 1).items():
         columns = list(receivers.values())
         lens = file_lens if file_lens is not None or not controls else True
         if controls & {sensor, sensor.rpartition(".")[2]}:

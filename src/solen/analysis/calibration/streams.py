@@ -188,7 +188,7 @@ class _Layout:
         elif options.rate_hz is None:
             time = column_of(header, "time")
             if time is None:
-                remedy = f"name the column with --time, or specify the rate with --rate-hz; {existing(header)}"
+                remedy = f"name the column with --time, or specify the rate with --rate-hz; {column_list(header)}"
                 raise DataError(STDIN, limit="no column is recognised as the time", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         warnings: list[Caution] = []
@@ -218,6 +218,6 @@ def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
     ]
     if len(columns) != 1:
         limit = f"has {len(columns)} columns that could be the {side} receiver, but exactly one is required"
-        remedy = f"name the column with --channel {side}=COLUMN; {existing(header)}"
+        remedy = f"name the column with --channel {side}=COLUMN; {column_list(header)}"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     return columns[0]

@@ -188,7 +188,9 @@ def _emitter_readings(recording: Recording, motions: Sequence[str], receivers: S
     def column(name: str) -> FloatArray:
         channel = next((channel for channel in recording.channels if channel.name == name), None)
         if channel is None:
-            raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=existing(recording))
+            raise DataError(
+                f"{recording.provenance.file}: {name}", limit="no such column", remedy=column_list(recording)
+            )
         return channel.values
 
     return _EmitterReadings(
@@ -243,12 +245,12 @@ def _of_table(recording: Recording) -> NetworkReadings:
             raise DataError(f"{file}: {name}", limit=limit, remedy="write 0 or 1, or omit the column")
     emitters, receivers = (tuple(dict.fromkeys(names)) for names in zip(*powers, strict=True)) if powers else ((), ())
     if not powers:
-        remedy = f"name the column of each power EMITTER.RECEIVER; {existing(recording)}"
+        remedy = f"name the column of each power EMITTER.RECEIVER; {column_list(recording)}"
         raise DataError(file, limit="contains no columns of powers", remedy=remedy)
     for pair in product(emitters, receivers):
         if pair not in powers:
             limit = f"contains no column {'.'.join(pair)}, but every emitter requires a column for every receiver"
-            raise DataError(file, limit=limit, remedy=f"add it; {existing(recording)}")
+            raise DataError(file, limit=limit, remedy=f"add it; {column_list(recording)}")
     angles = _angles(recording)
     columns = [channel.values for channel in recording.channels]
     zeros = np.zeros(len(time.values))
