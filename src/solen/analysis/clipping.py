@@ -1,9 +1,10 @@
 """Detection of samples clipped at the limits of a recorder.
 
 A saturated ADC, amplifier or circuit repeats one value, the largest or the smallest of the entire recording, while the
-angle continues to change. Values also repeat in a hold, or with a coarse ADC. The samples at an extreme value therefore
-count as clipped only if this exact value occurs in a run of successive samples within a ramp, and this run is more than
-twice as long as any run of another value. If the rails are known, every sample at or outside a rail is clipped instead.
+angle continues to change. Values also repeat in a hold, or with a coarse ADC. The samples at an extreme value are
+therefore treated as clipped only if this exact value occurs in a run of successive samples within a ramp, and this run
+is more than twice as long as any run of another value. If the rails are known, every sample at or outside a rail is
+clipped instead.
 
 `clipped` marks samples.
 """

@@ -147,7 +147,7 @@ def receiver_response(
     volts, angle = np.where(passes.clipped, np.nan, passes.volts)[..., 0], passes.angle_deg
     both, rising, falling = (mean_curve(passes, direction) for direction in (None, 0, 1))
     cycles = volts.mean(axis=1)  # NaN if an angle is missing in one direction, because the other alone would be biased
-    scale = _reach(both.mean_V)
+    scale = _range(both.mean_V)
     percent = 100.0 / scale if scale > 0.0 else math.nan
     near = line_slopes(angle, cycles, np.abs(angle) <= near_zero + 1e-9)
     slope = line_slopes(angle, cycles, np.isfinite(both.mean_V))
@@ -208,7 +208,7 @@ def levels(cycles: FloatArray) -> FloatArray:
     return cycles[:, common].mean(axis=1) if common.any() else np.full(len(cycles), np.nan)
 
 
-def _reach(mean: FloatArray) -> float:
+def _range(mean: FloatArray) -> float:
     finite = mean[np.isfinite(mean)]
     return float(np.ptp(finite)) if finite.size else math.nan
 

@@ -20,7 +20,7 @@ from solen.errors import SpecError
 from solen.files import read_text
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, parse_toml, refused
 
-_RATED = ("mV_per_V", "excitation_V")
+_RATED_KEYS = ("mV_per_V", "excitation_V")
 
 
 class LoadCell(Strict):
@@ -51,7 +51,7 @@ class LoadCell(Strict):
 
     @model_validator(mode="after")
     def _check_sensitivity(self) -> Self:
-        rated = [key for key in (*_RATED, "gain") if getattr(self, key) is not None]
+        rated = [key for key in (*_RATED_KEYS, "gain") if getattr(self, key) is not None]
         if (self.N_per_V is None) == (self.mV_per_V is None):
             limit = "must be specified by N_per_V, or by mV_per_V with excitation_V and capacity_N"
             raise refused("", limit, remedy="add N_per_V = 2.0")

@@ -16,7 +16,7 @@ import numpy as np
 from solen.analysis.motion import Motion, Ramp
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
-_NEAR = 4  # number of entries to which a line is fitted
+_MAX_ENTRIES = 4  # largest number of entries to which a line is fitted
 _MAX_NOISES, _MAX_STEPS = 4.0, 1.0  # largest distance of an entry from its line, in units of noise and of steps
 
 
@@ -106,8 +106,8 @@ def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tu
 def _end_entries(ramp: Ramp) -> tuple[IndexArray, IndexArray]:
     """Return the indices of log entries on the line of a ramp, near its beginning and near its end."""
     inside = np.arange(ramp.start + 1, ramp.stop - 1, dtype=np.intp)
-    steady = inside[1:-1] if inside.size > _NEAR else inside
-    return steady[:_NEAR], steady[-_NEAR:]
+    steady = inside[1:-1] if inside.size > _MAX_ENTRIES else inside
+    return steady[:_MAX_ENTRIES], steady[-_MAX_ENTRIES:]
 
 
 def _level(log_s: FloatArray, log_deg: FloatArray, first: int, last: int) -> _Line | None:
@@ -138,7 +138,7 @@ def _corner(
     first = last - 1
     if not 0 < last < log_s.size:
         return None
-    for _ in range(_NEAR):
+    for _ in range(_MAX_ENTRIES):
         if first and abs(log_deg[first] - a0 - v0 * (log_s[first] - t0)) > tolerance:
             first -= 1
         if last < log_s.size - 1 and abs(log_deg[last] - a1 - v1 * (log_s[last] - t1)) > tolerance:

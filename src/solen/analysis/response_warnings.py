@@ -96,7 +96,7 @@ def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
     return []
 
 
-def _reach_warnings(passes: Passes, runs: Sequence[Run]) -> list[Caution]:
+def _range_warnings(passes: Passes, runs: Sequence[Run]) -> list[Caution]:
     """Return a warning if the range common to all half-cycles is much smaller than the total range."""
     low, high = min(run.motion.low_deg for run in runs), max(run.motion.high_deg for run in runs)
     first, last = float(passes.angle_deg[0]), float(passes.angle_deg[-1])
@@ -129,7 +129,7 @@ def _drift_warnings(name: str, response: ReceiverResponse, runs: Sequence[Run]) 
 
 def cautions(receivers: dict[str, ReceiverResponse], passes: Passes, runs: Sequence[Run]) -> list[Caution]:
     """Return warnings about a sensor's figures of merit."""
-    warnings = _rest_warnings(runs) + _reach_warnings(passes, runs)
+    warnings = _rest_warnings(runs) + _range_warnings(passes, runs)
     if passes.cycles < 3:
         count = "one cycle is" if passes.cycles == 1 else "two cycles are"
         warnings.append(warning(f"{count} used: repeatability and drift cannot be determined"))

@@ -112,8 +112,8 @@ class Study(Result):
         return self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
 
     @property
-    def remark(self) -> str:
-        """Description of the filter, for every figure; empty without a filter."""
+    def smoothing(self) -> str:
+        """Description of the smoothing, for figures; empty without it."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
     @property

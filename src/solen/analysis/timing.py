@@ -80,7 +80,7 @@ class Timing(Result):
 
     @property
     def separated(self) -> bool:
-        """Whether two speeds separate a lag from a hysteresis."""
+        """Whether two speeds separate lag from hysteresis."""
         return math.isfinite(self.u_lag_s)
 
 

@@ -57,8 +57,8 @@ class SensorCalibrations(Result):
         The recordings.
     warnings
         Warnings.
-    remark
-        Description of the filter, for a figure.
+    smoothing
+        Description of the smoothing, for a figure; empty without it.
     """
 
     calibrations: tuple[CalibrationFile, ...]
@@ -66,7 +66,7 @@ class SensorCalibrations(Result):
     simulated: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[Caution, ...]
-    remark: str = field(default="", metadata=HIDDEN)
+    smoothing: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data; the calibrations' keys end in their actual units instead of V and deg."""
@@ -101,7 +101,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
         ]
     warnings += [prefixed(file.sensor, caution) for file in files for caution in file.warnings]
     return SensorCalibrations(
-        tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
+        tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.smoothing
     )
 
 
@@ -164,14 +164,14 @@ def _file(
         curves=curves_of(calibration),
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
-        words=_words(check, "print" if options.pool else "cycle", study.stimulus, cell),
+        words=_check_lines(check, "print" if options.pool else "cycle", study.stimulus, cell),
         sources=tuple(plain(source) for source in study.sources),
         warnings=tuple(warnings),
     )
 
 
-def _words(check: Check | None, fold: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Return the summary of a cross-validation, in which each ``fold`` is a cycle or a print, in words."""
+def _check_lines(check: Check | None, fold: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
+    """Return the summary of a cross-validation, in which each ``fold`` is a cycle or a print."""
     if check is None:
         return ()
     total, sign = check.total, stimulus.sign

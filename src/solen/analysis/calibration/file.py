@@ -24,7 +24,7 @@ from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, 
 SCHEMA = 1
 SUFFIX = ".calibration.json"
 KIND, OF_NETWORK = "calibration", "network calibration"
-AGAIN = "create the file again with solen bench calibrate"
+REMEDY = "create the file again with solen bench calibrate"
 
 Ambient = Literal["subtracted", "not subtracted"]
 Pair = tuple[Number, Number]
@@ -115,14 +115,14 @@ class Curves(Strict):
         for name in ("rising_V", "falling_V", "noise_V2", "repeat_V2", "between_V2", "samples"):
             if len(getattr(self, name)) != size:
                 limit = f"has {len(getattr(self, name))} entries, but must have {size}, one for each angle"
-                raise refused(name, limit, remedy=AGAIN)
+                raise refused(name, limit, remedy=REMEDY)
         if not (np.diff(self.angle_deg) > 0.0).all():
-            raise refused("angle_deg", "must be in ascending order", remedy=AGAIN)
+            raise refused("angle_deg", "must be in ascending order", remedy=REMEDY)
         for name in ("noise_V2", "repeat_V2", "between_V2"):
             left, covariance, right = np.array(getattr(self, name)).T
             negative = (left < 0.0).any() or (right < 0.0).any()
             if negative or (covariance**2 > left * right * (1.0 + 1e-9) + 1e-300).any():
-                raise refused(name, "must be covariance matrices, i.e. positive semidefinite", remedy=AGAIN)
+                raise refused(name, "must be covariance matrices, i.e. positive semidefinite", remedy=REMEDY)
         return self
 
 
@@ -255,7 +255,7 @@ def text_of(file: CalibrationFile) -> str:
 
 def calibration_data(path: Path) -> Any:
     """Read the JSON data of a sensor or network calibration file; raise `DataError` if the file cannot be read."""
-    return parsed(read_text(path, DataError, maker="solen bench calibrate"), str(path), remedy=AGAIN)
+    return parsed(read_text(path, DataError, maker="solen bench calibrate"), str(path), remedy=REMEDY)
 
 
 def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:

@@ -25,7 +25,7 @@ EXTENSION = 3.0
 _MAX_NOISE = 5e-4  # largest noise that is not averaged, as a fraction of the range
 _MAX_WINDOW = 1.0 / 5.0  # fraction of a ramp to which a line is fitted
 _MIN_DRIFT = 4.0  # standard uncertainties
-_DETECTED = 3.5  # distance from a level, in units of the noise, at which a ramp is detected
+_MIN_DEPARTURE = 3.5  # distance from a level, in units of the noise, at which a ramp is detected
 
 
 def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:
@@ -57,7 +57,7 @@ def _smoothed_run(run: Run, max_noise: float) -> tuple[Run, float]:
 def _extended(ramp: Ramp, noise: float, size: int) -> Ramp:
     """Extend a ramp to the levels of the holds, because noise hides its first and last samples."""
     step = abs(ramp.end_deg - ramp.start_deg) / max(ramp.stop - ramp.start - 1, 1)
-    count = round(_DETECTED * noise / step) if step else 0
+    count = round(_MIN_DEPARTURE * noise / step) if step else 0
     return replace(ramp, start=max(ramp.start - count, 0), stop=min(ramp.stop + count, size))
 
 

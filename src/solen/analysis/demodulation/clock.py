@@ -39,7 +39,7 @@ MAX_TRANSITION = 0.2
 """Transition time, as a fraction of a period, above which the modulation is that of flicker rather than of a switch."""
 NOISE_RATIO = 0.7309
 """Frequency, relative to the line, at which the noise is measured, because a switched signal has no harmonic there."""
-_OTHERWISE = "correct the rate, or record the state of the emitters in a column"
+_REMEDY = "correct the rate, or record the state of the emitters in a column"
 MIN_HZ, MAX_LINES = 15.0, 4
 """Lowest rate searched if none is specified, which exceeds that of any motion, and number of spectral lines tried."""
 
@@ -135,7 +135,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
             f"no clear modulation near this rate: the modulation is {clearness:.1f} times its noise, "
             f"but at least {MIN_DETECTED:g} times is needed"
         )
-        raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=_OTHERWISE)
+        raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=_REMEDY)
     slope_hz, u_slope_hz, noise = _line(middle_s, block_phase)
     phase = line_hz * elapsed_s + _interpolated(middle_s, block_phase, elapsed_s)
     folded = _folded(phase, level)
@@ -318,7 +318,7 @@ def _crossing(above: FloatArray) -> float:
     following = np.roll(above, -1)
     candidates = np.flatnonzero((above < 0.0) & (following >= 0.0))
     if not candidates.size:
-        raise DataError("waveform", limit="shows no edge at this rate", remedy=_OTHERWISE)
+        raise DataError("waveform", limit="shows no edge at this rate", remedy=_REMEDY)
     width = 3
     rises = [
         np.roll(above, -index)[: width + 1].mean() - np.roll(above, width - index)[:width].mean()

@@ -132,11 +132,11 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         angle_deg=rows_as_tuples(angle),
         signal_V=rows_as_tuples(signal),
         noise_V2=rows_as_tuples(noise),
-        reach=rows_as_tuples(forward.reach),
+        reach=rows_as_tuples(forward.length),
         scatter=tuple(forward.scatter.tolist()),
         outside=_outside(held_out),
         checks=checks,
-        words=tuple(map(_words, checks)),
+        words=tuple(map(_check_line, checks)),
         sources=tuple(plain(recording.provenance) for recording in ordered),
         warnings=tuple(warnings),
     )
@@ -209,7 +209,7 @@ def _unseparated(
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
     span = np.maximum(forward.high - forward.low, 1e-12)
     _, variance = forward.at(angle)
-    u_slopes = np.sqrt(variance)[:, :, None] * np.sqrt(5.0 / 3.0) / (forward.reach * span)
+    u_slopes = np.sqrt(variance)[:, :, None] * np.sqrt(5.0 / 3.0) / (forward.length * span)
     rows = zip(slopes, u_slopes, covariance, strict=True)
     determinations = [_within_range(determined(motions, *row), span) for row in rows]
     unseparated = [state for state in determinations if not state.all_distinguished]
@@ -249,7 +249,7 @@ def _held_out(
         out: BoolArray = fold == number
         others = replace(stops[0], angle_deg=angle[~out], signal=signal[~out], u_signal=0.0 * signal[~out])
         kept, mean, _ = others.merged()
-        fold_map = ForwardMap.through(kept, mean, ends_deg=ends, reach=forward.reach, scatter=forward.scatter)
+        fold_map = ForwardMap.through(kept, mean, ends_deg=ends, length=forward.length, scatter=forward.scatter)
         decoder = NetworkDecoder(fold_map, noise, len(kept) - len(span) - 1)
         indices = np.flatnonzero(out).tolist()
         true = np.concatenate([np.repeat(angle[index][None], len(rows[index]), axis=0) for index in indices])
@@ -299,7 +299,7 @@ def checks_of(motions: Sequence[str], held_out: HeldOut) -> tuple[MotionCheck, .
     )
 
 
-def _words(check: MotionCheck) -> str:
+def _check_line(check: MotionCheck) -> str:
     return (
         f"{check.motion}: held-out states are decoded with an RMS error of {check.rms_deg:.2g}° (mean "
         f"{check.bias_deg:+.1g}°, largest {check.worst_deg:.2g}°); 95 % bands are {check.band95_deg:.2g}° wide; "

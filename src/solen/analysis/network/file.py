@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.file import AGAIN, OF_NETWORK, SCHEMA, Ambient, calibration_data, data_of_kind, tuples
+from solen.analysis.calibration.file import OF_NETWORK, REMEDY, SCHEMA, Ambient, calibration_data, data_of_kind, tuples
 from solen.analysis.network.decoder import NetworkDecoder
 from solen.analysis.network.forward import ForwardMap
 from solen.arrays import FloatArray
@@ -89,13 +89,15 @@ class NetworkCalibration(Strict):
             rows = getattr(self, name)
             file_shape = (len(rows), *({len(row) for row in rows} if len(shape) == 2 else ()))
             if file_shape != shape:
-                raise refused(name, f"must have the shape {' x '.join(map(str, shape))}", remedy=AGAIN)
+                raise refused(name, f"must have the shape {' x '.join(map(str, shape))}", remedy=REMEDY)
         if states < motions + 3:
             limit = f"has {states} states, but must have at least {motions + 3}"
-            raise refused("angle_deg", limit, remedy=AGAIN)
+            raise refused("angle_deg", limit, remedy=REMEDY)
         noise = np.array(self.noise_V2)
         if not np.allclose(noise, noise.T) or np.linalg.eigvalsh(noise).min() <= 0.0:
-            raise refused("noise_V2", "must be a covariance matrix, i.e. symmetric and positive definite", remedy=AGAIN)
+            raise refused(
+                "noise_V2", "must be a covariance matrix, i.e. symmetric and positive definite", remedy=REMEDY
+            )
         return self
 
     @cached_property
@@ -108,7 +110,7 @@ class NetworkCalibration(Strict):
         states, signal = np.array(self.angle_deg), np.array(self.signal_V)
         ends: FloatArray = np.array(self.range_deg).T
         return ForwardMap.through(
-            states, signal, ends_deg=ends, reach=np.array(self.reach), scatter=np.array(self.scatter)
+            states, signal, ends_deg=ends, length=np.array(self.reach), scatter=np.array(self.scatter)
         )
 
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from solen.arrays import FloatArray
 
-REACHES = (0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0)
+LENGTHS = (0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0)
 """Correlation lengths that are tried, as fractions of a motion's range."""
-FEWER_REACHES = (0.2, 0.5, 1.2, 4.0)
+FEWER_LENGTHS = (0.2, 0.5, 1.2, 4.0)
 """Correlation lengths that are tried with three motions."""
 SCATTERS = (1e-6, 1e-4, 1e-3, 1e-2, 0.1)
 """Variances of a state about the map that are tried, relative to the map variance."""
@@ -32,7 +32,7 @@ class _Process:
     """Readings with a common covariance: indices, correlation lengths and scatter, and precomputed matrices."""
 
     readings: tuple[int, ...]
-    reach: FloatArray
+    length: FloatArray
     scatter: float
     inverse: FloatArray
     weights: FloatArray
@@ -46,7 +46,7 @@ class ForwardMap:
     ----------
     low, high
         Lower and upper limit of each motion, (M,).
-    reach
+    length
         Correlation length of each reading along each motion, as a fraction of the motion's range, (K, M).
     scatter, scale
         Variance of a state of each reading relative to the map variance, and map variance, (K,).
@@ -54,7 +54,7 @@ class ForwardMap:
 
     low: FloatArray
     high: FloatArray
-    reach: FloatArray
+    length: FloatArray
     scatter: FloatArray
     scale: FloatArray
     _states: FloatArray
@@ -68,7 +68,7 @@ class ForwardMap:
         signal: FloatArray,
         *,
         ends_deg: FloatArray | None = None,
-        reach: FloatArray | None = None,
+        length: FloatArray | None = None,
         scatter: FloatArray | None = None,
     ) -> "ForwardMap":
         """Fit a map through states.
@@ -81,7 +81,7 @@ class ForwardMap:
             Readings in these states, (n, K).
         ends_deg
             Limits of the ranges (2, M); default: the extremes of the states.
-        reach, scatter
+        length, scatter
             As in the attributes; default: chosen from the states.
         """
         low, high = (angle_deg.min(axis=0), angle_deg.max(axis=0)) if ends_deg is None else ends_deg
@@ -89,17 +89,17 @@ class ForwardMap:
         design = np.column_stack([np.ones(len(states)), states])
         plane = np.linalg.lstsq(design, signal, rcond=None)[0]
         residual = signal - design @ plane
-        if reach is None or scatter is None:
-            reach, scatter = _best_parameters(states, residual)
+        if length is None or scatter is None:
+            length, scatter = _best_parameters(states, residual)
         scale, processes = np.zeros(signal.shape[1]), []
-        rows = np.column_stack([reach, scatter])
+        rows = np.column_stack([length, scatter])
         for row in np.unique(rows, axis=0):
             readings = np.flatnonzero((rows == row).all(axis=1))
             inverse = np.linalg.inv(_covariance(states, states, row[:-1]) + row[-1] * np.eye(len(states)))
             weights = inverse @ residual[:, readings]
             scale[readings] = (weights**2 / np.diag(inverse)[:, None]).mean(axis=0)
             processes.append(_Process(tuple(readings.tolist()), row[:-1], float(row[-1]), inverse, weights))
-        return cls(low, high, reach, scatter, scale, states, plane, tuple(processes))
+        return cls(low, high, length, scatter, scale, states, plane, tuple(processes))
 
     def at(self, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the means and variances (N, K) of the expected readings at states (N, M)."""
@@ -110,7 +110,7 @@ class ForwardMap:
             columns = list(process.readings)
             for begin in range(0, len(states), BATCH):
                 rows = slice(begin, begin + BATCH)
-                covariance = _covariance(states[rows], self._states, process.reach)
+                covariance = _covariance(states[rows], self._states, process.length)
                 known = np.einsum("ij,jk,ik->i", covariance, process.inverse, covariance, optimize=True)
                 mean[rows, columns] += covariance @ process.weights
                 unknown = np.maximum(1.0 + process.scatter - known, process.scatter)
@@ -122,7 +122,7 @@ def _best_parameters(states: FloatArray, residual: FloatArray) -> tuple[FloatArr
     """Return the correlation lengths (K, M) and scatter (K,) that best predict each state from the others."""
     readings, motions = residual.shape[1], states.shape[1]
     best = np.full(readings, np.inf)
-    reach, scatter = np.ones((readings, motions)), np.full(readings, SCATTERS[0])
+    length, scatter = np.ones((readings, motions)), np.full(readings, SCATTERS[0])
     for lengths in _lengths(motions):
         values, vectors = np.linalg.eigh(_covariance(states, states, np.array(lengths)))
         components = vectors.T @ residual
@@ -133,19 +133,19 @@ def _best_parameters(states: FloatArray, residual: FloatArray) -> tuple[FloatArr
             scale = np.maximum((error**2 * diagonal).mean(axis=0), 1e-300)
             score = len(states) * np.log(scale) - np.log(diagonal).sum()
             better = score < best
-            best[better], reach[better], scatter[better] = score[better], lengths, variance
-    return reach, scatter
+            best[better], length[better], scatter[better] = score[better], lengths, variance
+    return length, scatter
 
 
 def _lengths(motions: int) -> Iterable[tuple[float, ...]]:
     """Return the combinations of correlation lengths that are tried; with more than three motions they are equal."""
     if motions > 3:
-        return ((length,) * motions for length in REACHES)
-    return product(REACHES if motions <= 2 else FEWER_REACHES, repeat=motions)
+        return ((length,) * motions for length in LENGTHS)
+    return product(LENGTHS if motions <= 2 else FEWER_LENGTHS, repeat=motions)
 
 
-def _covariance(a: FloatArray, b: FloatArray, reach: FloatArray) -> FloatArray:
+def _covariance(a: FloatArray, b: FloatArray, length: FloatArray) -> FloatArray:
     """Return the Matérn covariance of smoothness 5/2 between positions (n, M) and (m, M)."""
-    difference = (a[:, None, :] - b[None, :, :]) / reach
+    difference = (a[:, None, :] - b[None, :, :]) / length
     distance = np.sqrt(5.0 * np.einsum("ijk,ijk->ij", difference, difference))
     return np.asarray((1.0 + distance + distance**2 / 3.0) * np.exp(-distance))

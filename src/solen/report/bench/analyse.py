@@ -37,7 +37,7 @@ def study_figure(study: Study) -> Figure:
         panel.set_xlabel(study.stimulus.label)
         if index % columns == 0:
             panel.set_ylabel(label_of(study.unit))
-    add_title(figure, study.simulated, study.remark)
+    add_title(figure, study.simulated, study.smoothing)
     return figure
 
 
@@ -46,9 +46,9 @@ def label_of(unit: str) -> str:
     return "voltage (V)" if unit == "V" else f"signal ({unit})"
 
 
-def add_title(figure: Figure, simulated: bool, *remarks: str) -> None:
+def add_title(figure: Figure, simulated: bool, *notes: str) -> None:
     """Add a title to a figure if its data are simulated or were filtered."""
-    title = "; ".join(filter(None, ("simulated data" if simulated else "", *remarks)))
+    title = "; ".join(filter(None, ("simulated data" if simulated else "", *notes)))
     if title:
         figure.suptitle(title, color=LOST)
 

@@ -26,7 +26,7 @@ def calibration_figure(result: SensorCalibrations) -> Figure:
     axes = figure.subplots(count, 3, squeeze=False)
     for calibration, check, row in zip(result.calibrations, result.checks, axes, strict=True):
         _draw_calibration(row, calibration, check)
-    add_title(figure, result.simulated, result.remark)
+    add_title(figure, result.simulated, result.smoothing)
     return figure
 
 

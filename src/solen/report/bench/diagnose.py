@@ -9,8 +9,8 @@ from solen.analysis.diagnosis.diagnose import model_V
 from solen.report.bench.analyse import add_title
 from solen.report.canvas import INK, receiver
 
-_MAP = "RdBu_r"
-_SHORT = {
+_COLOUR_MAP = "RdBu_r"
+_LABELS = {
     "emitter.offset_mm": "decentre",
     "chip spread_mm2": "chip",
     "angle.zero_deg": "zero angle",
@@ -58,8 +58,8 @@ def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def _correlations(axes: Axes, diagnosis: Diagnosis) -> None:
-    names = [_SHORT.get(name, name.rpartition(".")[2]) for name in diagnosis.fitted.names]
-    axes.imshow(diagnosis.correlations, vmin=-1.0, vmax=1.0, cmap=_MAP)
+    names = [_LABELS.get(name, name.rpartition(".")[2]) for name in diagnosis.fitted.names]
+    axes.imshow(diagnosis.correlations, vmin=-1.0, vmax=1.0, cmap=_COLOUR_MAP)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize="small")
     axes.set_yticks(range(len(names)), names, fontsize="small")
     axes.grid(visible=False)

@@ -28,7 +28,7 @@ def traces_figure(study: Study) -> Figure:
         _draw(panel, sensor, run)
     axes[-1].set_xlabel("time (s)")
     omission = f"first {_MAX_ROWS} of {len(rows)} recordings" if len(rows) > _MAX_ROWS else ""
-    add_title(figure, study.simulated, study.remark, omission)
+    add_title(figure, study.simulated, study.smoothing, omission)
     return figure
 
 
