@@ -20,8 +20,8 @@ PRIORS = {"angle.zero_deg": 0.1, INDEX: 0.003}
 SEEDS = 200
 
 
-def recorded(**truth: float) -> SensorResponse:
-    return sensor_response([simulated(LitInSpace(**truth))], AnalysisOptions())  # type: ignore[arg-type]
+def recorded(truth: LitInSpace) -> SensorResponse:
+    return sensor_response([simulated(truth)], AnalysisOptions())
 
 
 def test_strips_agree_with_the_independent_tracer() -> None:
@@ -122,7 +122,8 @@ def test_intervals_have_their_coverage_in_space() -> None:
         rng, misfits = np.random.default_rng(chip), 0
         for seed in range(SEEDS):
             zero = 0.1 * float(np.clip(rng.standard_normal(), -3.0, 3.0))
-            diagnosis = diagnosed(recorded(chip=chip, zero_deg=zero, seed=seed), response("extruded"), PRIORS)
+            truth = LitInSpace(chip=chip, zero_deg=zero, seed=seed)
+            diagnosis = diagnosed(recorded(truth), response("extruded"), PRIORS)
             rows.append(covered(diagnosis, chip))
             right, left = (diagnosis.estimates[f"gain_{side}_V"] for side in ("right", "left"))
             assert right.low is not None
@@ -142,7 +143,7 @@ def coverage(rows: list[dict[str, bool]]) -> dict[str, float]:
 
 @pytest.mark.evidence
 def test_plane_model_reports_a_misfit() -> None:
-    diagnosis = diagnosed(recorded(), response("2d"), PRIORS)
+    diagnosis = diagnosed(recorded(LitInSpace()), response("2d"), PRIORS)
     estimates = {name: (estimate.value, estimate.low, estimate.high) for name, estimate in diagnosis.estimates.items()}
     print(diagnosis.fitted.misfit, estimates)
     assert diagnosis.fitted.misfit.significant
