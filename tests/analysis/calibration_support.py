@@ -1,4 +1,4 @@
-"""Sensors whose truth is known, made ready for calibration: cycles that differ, clipping, curves that fold."""
+"""Training data for calibrations of simulated sensors: with cycles that differ, clipping, or ambiguous curves."""
 
 from dataclasses import replace
 
@@ -6,20 +6,23 @@ import numpy as np
 
 from solen.analysis import AnalysisOptions, sensor_response
 from solen.analysis.calibration import Training, training_of
-from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.simulated_support import Protocol, Truth, simulated
 
 SHORT = Protocol(hold_s=0.2)
 
 
-def trained(truth: Truth, *, seed: int = 1, cycle_V: float = 0.0, shape: str = "", label: str = "S1") -> Training:
-    """Training of a made recording; ``cycle_V`` shifts each cycle's voltages by so much (standard deviation).
+def training(truth: Truth, *, seed: int = 1, cycle_V: float = 0.0, shape: str = "", label: str = "S1") -> Training:
+    """Return the training data of a simulated recording.
 
-    ``shape`` is ``fold`` for a right receiver that turns back where the left one has saturated.
+    The voltages of each cycle are shifted by random offsets with the standard deviation ``cycle_V``. With the shape
+    ``fold``, the right voltage has a maximum at an angle at which the left voltage is saturated.
     """
-    signals = made(replace(truth, seed=seed), label)
+    signals = simulated(replace(truth, seed=seed), label)
     if shape == "fold":
-        bent = np.column_stack([np.clip(signals.angle_deg, -10.0, 0.5), -np.abs(signals.angle_deg - 1.5)])
-        signals = replace(signals, volts=bent + truth.noise_V * np.random.default_rng(seed).standard_normal(bent.shape))
+        clean = np.column_stack([np.clip(signals.angle_deg, -10.0, 0.5), -np.abs(signals.angle_deg - 1.5)])
+        signals = replace(
+            signals, volts=clean + truth.noise_V * np.random.default_rng(seed).standard_normal(clean.shape)
+        )
     if cycle_V:
         starts = truth.protocol.starts_s()
         shifts = cycle_V * np.random.default_rng(seed + 1000).standard_normal((len(starts), 2))

@@ -1,9 +1,9 @@
-"""A response in closed form that a diagnosis can be held against, and recordings of it.
+"""A response in closed form, and recordings of it, with which a diagnosis can be compared.
 
-A point emitter's light goes to the right by half of 1 − tanh u and to the left by half of 1 + tanh u, u its place from
-an edge that wanders with the angle; its integral over the places is a logarithm of cosh. The edge is wider at larger
-angles, so that an angle's zero is not the same as a decentre; another index widens it, too. Loss takes the same share
-of everything: nothing tells it from the gains.
+The fractions (1 − tanh u)/2 and (1 + tanh u)/2 of a point emitter's detected light reach the right and the left
+receiver, where u is its scaled distance from an edge that moves with the angle; their integral over the position
+contains ln cosh u. The edge is wider at larger angles, so that a zero angle differs from a decentre; a change of the
+index widens it, too. Loss attenuates all light equally and therefore cannot be distinguished from the gains.
 """
 
 import math
@@ -15,70 +15,71 @@ from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
 from solen.analysis.diagnosis import Change, Cycles, Model, Response, Table
 from solen.analysis.diagnosis.design_response import INDEX, LOSS_STEP
 from solen.arrays import FloatArray
-from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.simulated_support import Truth, simulated
 
-MOVES_MM_PER_DEG, EDGE_MM, WIDER, PART = 0.03, 0.04, 0.15, 0.5
-INDEX_STEP, WAY_MM = 0.0045, 40.0
+EDGE_MM_PER_DEG, EDGE_MM, WIDENING, FRACTION = 0.03, 0.04, 0.15, 0.5
+INDEX_STEP, PATH_MM = 0.0045, 40.0
 ANGLES = np.round(np.arange(-29, 30) * 0.1, 9)
-KNOWN = {"angle.zero_deg": 0.1, INDEX: 0.003}
+PRIORS = {"angle.zero_deg": 0.1, INDEX: 0.003}
 
 
 def edge_mm(angle_deg: FloatArray, index: float = 0.0) -> FloatArray:
-    """Width of the edge at angles, for an index that is so much larger."""
-    return np.asarray(EDGE_MM * (1.0 + WIDER * (angle_deg / 3.0) ** 2 + 0.02 * angle_deg) * (1.0 + 20.0 * index))
+    """Return the width of the edge at angles, for a given increase of the index."""
+    return np.asarray(EDGE_MM * (1.0 + WIDENING * (angle_deg / 3.0) ** 2 + 0.02 * angle_deg) * (1.0 + 20.0 * index))
 
 
-def integral(angle_deg: FloatArray, place_mm: FloatArray, index: float = 0.0) -> FloatArray:
-    """Integral (2, …) of what a point gives right and left, up to a place."""
+def integral(angle_deg: FloatArray, position_mm: FloatArray, index: float = 0.0) -> FloatArray:
+    """Return the integral (2, …) of the fractions of a point, right and left, up to a position."""
     width = edge_mm(angle_deg, index)
-    u = (place_mm + MOVES_MM_PER_DEG * angle_deg) / width
+    u = (position_mm + EDGE_MM_PER_DEG * angle_deg) / width
     log_cosh = width * (np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0))
-    return np.stack([0.5 * PART * (place_mm - log_cosh), 0.5 * PART * (place_mm + log_cosh)])
+    return np.stack([0.5 * FRACTION * (position_mm - log_cosh), 0.5 * FRACTION * (position_mm + log_cosh)])
 
 
-def exact(angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
-    """Shares (n, 2) of a chip."""
-    ends = (integral(angle_deg, np.full(angle_deg.shape, offset_mm + sign * 0.5 * width_mm)) for sign in (1.0, -1.0))
-    high, low = ends
+def exact_fractions(angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
+    """Return the fractions (n, 2) of a chip's light, right and left."""
+    high, low = (
+        integral(angle_deg, np.full(angle_deg.shape, offset_mm + sign * 0.5 * width_mm)) for sign in (1.0, -1.0)
+    )
     return np.asarray((high - low).T / width_mm)
 
 
 def table(low_deg: float = -3.6, high_deg: float = 3.6, index: float = 0.0, every: int = 1) -> Table:
-    """The response as a table."""
+    """Return the response as a table with every n-th of 65 angles."""
     angles = np.linspace(low_deg, high_deg, 65)[::every]
-    places = np.linspace(-0.5, 0.5, 501)
-    edge = np.array([-MOVES_MM_PER_DEG, 0.0])
-    at = places[None, :] + np.polyval(edge, angles)[:, None]
-    return Table(angles, places, edge, integral(angles[:, None], at, index))
+    positions = np.linspace(-0.5, 0.5, 501)
+    edge = np.array([-EDGE_MM_PER_DEG, 0.0])
+    shifted = positions[None, :] + np.polyval(edge, angles)[:, None]
+    return Table(angles, positions, edge, integral(angles[:, None], shifted, index))
 
 
 def response(width_mm: float = 0.2, *, with_index: bool = True) -> Response:
-    """The response with what may differ."""
+    """Return the response with its changes due to the index and the loss."""
     base = table()
     up, down = (table(index=step, every=2).minus(base) for step in (INDEX_STEP, -INDEX_STEP))
     changes = {INDEX: Change(INDEX_STEP, up, down)} if with_index else {}
-    lossy = replace(base, total_mm=base.total_mm * (math.exp(-LOSS_STEP * WAY_MM) - 1.0))
-    return Response(base, changes, lossy, width_mm, 0.0, 1e-6)  # straight from the formula
+    lossy = replace(base, total_mm=base.total_mm * (math.exp(-LOSS_STEP * PATH_MM) - 1.0))
+    return Response(base, changes, lossy, width_mm, 0.0, 1e-6)  # the table is exact
 
 
 def model(of: Response, sides: tuple[str, ...] = ("right", "left")) -> Model:
-    """Its model at usual angles."""
-    return Model.of(of, ANGLES, sides, np.full(len(sides), 4.0), KNOWN)
+    """Return the model of a response at `ANGLES`."""
+    return Model.of(of, ANGLES, sides, np.full(len(sides), 4.0), PRIORS)
 
 
-def truth(of: Model, **values: float) -> FloatArray:
-    """Values of a model with some set; names with _ for a blank."""
-    found = np.array([one.start for one in of.parameters])
+def parameter_vector(of: Model, **values: float) -> FloatArray:
+    """Return the start values of a model, with some of them replaced."""
+    vector = np.array([parameter.start for parameter in of.parameters])
     for name, value in values.items():
-        found[of.places[name]] = value
-    return found
+        vector[of.indices[name]] = value
+    return vector
 
 
 @dataclass(frozen=True)
-class Rough:
-    """What a rig does to cycles, in V: white noise, a level of its own, a slow wave and a drift over each cycle.
+class Disturbances:
+    """Disturbances in V: white noise, and a level, a slow wave and a drift that are drawn for each cycle.
 
-    ``gain`` is the share by which a cycle's swing differs.
+    ``gain`` is the relative standard deviation of the cycles' swings.
     """
 
     white: float = 2e-3
@@ -87,23 +88,21 @@ class Rough:
     drift: float = 4e-3
     gain: float = 1e-3
 
-    def cycles(self, curves: FloatArray, count: int, draw: np.random.Generator) -> Cycles:
-        """Cycles of curves (n, r)."""
+    def cycles(self, curves: FloatArray, count: int, rng: np.random.Generator) -> Cycles:
+        """Return disturbed cycles with given true curves (n, r)."""
         n, r = curves.shape
-        phase = draw.uniform(0.0, 2.0 * np.pi, (count, 1, r))
-        along = np.linspace(-1.0, 1.0, n)[None, :, None]
-        made = curves * (1.0 + self.gain * draw.standard_normal((count, 1, r)))
-        made = made + self.white * draw.standard_normal((count, n, r))
-        made += (
-            self.level * draw.standard_normal((count, 1, r)) + self.drift * draw.standard_normal((count, 1, r)) * along
-        )
-        made += self.wave * draw.standard_normal((count, 1, r)) * np.sin(4.0 * along + phase)
-        return Cycles(ANGLES, made)
+        phase = rng.uniform(0.0, 2.0 * np.pi, (count, 1, r))
+        u = np.linspace(-1.0, 1.0, n)[None, :, None]
+        volts = curves * (1.0 + self.gain * rng.standard_normal((count, 1, r)))
+        volts = volts + self.white * rng.standard_normal((count, n, r))
+        volts += self.level * rng.standard_normal((count, 1, r)) + self.drift * rng.standard_normal((count, 1, r)) * u
+        volts += self.wave * rng.standard_normal((count, 1, r)) * np.sin(4.0 * u + phase)
+        return Cycles(ANGLES, volts)
 
 
 @dataclass(frozen=True)
-class Lit(Truth):
-    """A made recording of the response in closed form."""
+class LitSensor(Truth):
+    """True values of a recording with the response in closed form."""
 
     offset_mm: float = 0.02
     width_mm: float = 0.2
@@ -112,14 +111,11 @@ class Lit(Truth):
     offsets_V: tuple[float, float] = (5.0, 4.8)
 
     def response_V(self, angle_deg: FloatArray) -> FloatArray:
-        right, left = exact(angle_deg + self.zero_deg, self.offset_mm, self.width_mm).T
+        right, left = exact_fractions(angle_deg + self.zero_deg, self.offset_mm, self.width_mm).T
         by_side = (self.offsets_V[0] - self.gains_V[0] * right, self.offsets_V[1] - self.gains_V[1] * left)
         return np.column_stack(by_side[::-1])
 
 
-def sensor(lit: Truth | None = None) -> SensorResponse:
-    """A made recording, analysed."""
-    return sensor_response([made(lit or Lit(noise_V=2e-3))], AnalysisOptions())
-
-
-__all__ = ["ANGLES", "Lit", "Protocol", "Rough", "exact", "model", "response", "sensor", "table", "truth"]
+def recorded_response(truth: Truth | None = None) -> SensorResponse:
+    """Return the response of a simulated recording."""
+    return sensor_response([simulated(truth or LitSensor(noise_V=2e-3))], AnalysisOptions())

@@ -1,7 +1,7 @@
-"""Chips that an independent tracer traced in space, and recordings of them.
+"""Responses of chips in space, traced by an independent tracer, and recordings of them.
 
-``chips-in-space.csv`` has, for chips of the design `DESIGN`, the shares of the emitted power at both receivers by the
-angle: by `tests.analysis.space_tracer_support`, with 2²⁰ rays for each. Their errors are some 4e-5.
+For several chips in `DESIGN`, ``chips-in-space.csv`` contains the fractions of the emitted power at both receivers
+against the angle, from `tests.analysis.space_tracer_support` with 2²⁰ rays at each angle. Their errors are about 4e-5.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from solen.arrays import FloatArray
 from solen.spec import loads
-from tests.analysis.made_support import Truth
+from tests.analysis.simulated_support import Truth
 from tests.analysis.space_tracer_support import LitChip
 
 DESIGN = loads("""
@@ -34,20 +34,20 @@ FILE = Path(__file__).parent / "chips-in-space.csv"
 
 @cache
 def traced(chip: int) -> tuple[FloatArray, FloatArray]:
-    """Angles (a,), and shares right and left (a, 2)."""
+    """Return the angles (a,) and the fractions right and left (a, 2) of a chip."""
     rows = np.loadtxt(FILE, delimiter=",", skiprows=1)
-    own = rows[rows[:, 0] == chip]
-    return own[:, 1], own[:, 2:]
+    rows = rows[rows[:, 0] == chip]
+    return rows[:, 1], rows[:, 2:]
 
 
-def shares(chip: int, angle_deg: FloatArray) -> FloatArray:
-    """Shares (n, 2) of a chip, right and left."""
+def fractions(chip: int, angle_deg: FloatArray) -> FloatArray:
+    """Return the interpolated fractions (n, 2) of a chip, right and left."""
     return np.asarray(CubicSpline(*traced(chip))(angle_deg))
 
 
 @dataclass(frozen=True)
 class LitInSpace(Truth):
-    """A made recording of a chip in space."""
+    """True values of a recording of a chip in space."""
 
     chip: int = 0
     zero_deg: float = 0.0
@@ -56,6 +56,6 @@ class LitInSpace(Truth):
     noise_V: float = field(default=3e-3, kw_only=True)
 
     def response_V(self, angle_deg: FloatArray) -> FloatArray:
-        """Left and right, (n, 2)."""
-        light = shares(self.chip, angle_deg + self.zero_deg)
+        """Return the left and right voltages, (n, 2)."""
+        light = fractions(self.chip, angle_deg + self.zero_deg)
         return np.asarray((np.array(self.offsets_V) - np.array(self.gains_V) * light)[:, ::-1])

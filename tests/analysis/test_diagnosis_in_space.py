@@ -1,4 +1,4 @@
-"""Diagnosis in space recovers what made a recording that an independent tracer lit."""
+"""Diagnosis in space recovers the true parameters of recordings simulated with an independent tracer."""
 
 from dataclasses import replace
 from functools import cache
@@ -9,30 +9,30 @@ import pytest
 from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
 from solen.analysis.diagnosis import Diagnosis, Response, diagnosed
 from solen.analysis.diagnosis.design_response import INDEX
-from solen.analysis.diagnosis.light_by_position import light_by_place
+from solen.analysis.diagnosis.light_by_position import light_by_position
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
-from tests.analysis.made_support import made
-from tests.analysis.space_support import CHIPS, DESIGN, LitInSpace, shares, traced
+from tests.analysis.simulated_support import simulated
+from tests.analysis.space_support import CHIPS, DESIGN, LitInSpace, fractions, traced
 from tests.analysis.space_tracer_support import powers
 
-KNOWN = {"angle.zero_deg": 0.1, INDEX: 0.003}
+PRIORS = {"angle.zero_deg": 0.1, INDEX: 0.003}
 SEEDS = 200
 
 
-def recorded(**truth: float) -> SensorResponse:
-    return sensor_response([made(LitInSpace(**truth))], AnalysisOptions())  # type: ignore[arg-type]
+def recorded(truth: LitInSpace) -> SensorResponse:
+    return sensor_response([simulated(truth)], AnalysisOptions())
 
 
-def test_strips_of_one_angle_give_every_chip() -> None:
-    """At 1°, beside the independent tracer; what both may be off by is some 1e-4 of a swing of 0.3."""
+def test_strips_agree_with_the_independent_tracer() -> None:
+    """At 1°; the errors of both are about 1e-4, for a swing of 0.3."""
     reach_mm = 0.2
     wide = Sensor.of(with_values(DESIGN, {"emitter.width_mm": 2.0 * reach_mm}))
-    found = light_by_place(wide, 1.0, reach_mm)
+    integral = light_by_position(wide, 1.0, reach_mm)
     for number, chip in enumerate(CHIPS):
         ends = chip.offset_mm + 0.5 * chip.width_mm * np.array([-1.0, 1.0])
-        low, high = found.integral_to(ends)
-        assert (high - low) / chip.width_mm == pytest.approx(shares(number, np.ones(1))[0], abs=2.0e-4)
+        low, high = integral.integral_to(ends)
+        assert (high - low) / chip.width_mm == pytest.approx(fractions(number, np.ones(1))[0], abs=2.0e-4)
 
 
 @pytest.mark.parametrize(
@@ -42,103 +42,109 @@ def test_strips_of_one_angle_give_every_chip() -> None:
         pytest.param("layered", 0.2, ((0.0, 0.2), (0.03, 0.24), (-0.05, 0.1)), marks=pytest.mark.evidence),
     ],
 )
-def test_strips_serve_lenses_for_space(shape: str, reach_mm: float, chips: tuple[tuple[float, float], ...]) -> None:
-    """Their light is integrated by nets, to a standard error."""
+def test_strips_agree_with_integrals_for_lenses_for_skew_rays(
+    shape: str, reach_mm: float, chips: tuple[tuple[float, float], ...]
+) -> None:
+    """Their light is integrated with scrambled nets, which have a standard error."""
     lens = with_values(loads(template()), {"lens.shape": shape})
-    found = light_by_place(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
+    integral = light_by_position(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
     for offset_mm, width_mm in chips:
-        low, high = found.integral_to(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
+        low, high = integral.integral_to(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
         chip = Sensor.of(with_values(lens, {"emitter.offset_mm": offset_mm, "emitter.width_mm": width_mm}))
-        whole = chip.integrate(-1.0, tolerance=6e-4).detectors
-        assert (high - low) / width_mm == pytest.approx([whole[side].power for side in ("right", "left")], abs=1.5e-3)
+        direct = chip.integrate(-1.0, tolerance=6e-4).detectors
+        assert (high - low) / width_mm == pytest.approx([direct[side].power for side in ("right", "left")], abs=1.5e-3)
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("chip", range(len(CHIPS)))
-def test_the_independent_tracer_gives_what_is_kept_of_it(chip: int) -> None:
+def test_independent_tracer_reproduces_the_stored_fractions(chip: int) -> None:
     angles, columns = traced(chip)
     for row in (3, 27, 40):
-        again = powers(Sensor.of(DESIGN), CHIPS[chip], float(angles[row]), 18, 99)
-        assert again == pytest.approx(columns[row], abs=4e-4)
+        expected = pytest.approx(columns[row], abs=4e-4)
+        assert powers(Sensor.of(DESIGN), CHIPS[chip], float(angles[row]), 18, 99) == expected
 
 
 @cache
 def response(dimension: str) -> Response:
     sensor = Sensor.of(with_values(DESIGN, {"trace.dimension": dimension}))
-    return Response.of(sensor, -3.5, 3.5, {INDEX: KNOWN[INDEX]})
+    return Response.of(sensor, -3.5, 3.5, {INDEX: PRIORS[INDEX]})
 
 
 @pytest.mark.evidence
-def test_the_table_is_what_the_independent_tracer_gives() -> None:
+def test_table_agrees_with_the_independent_tracer() -> None:
     for number, chip in enumerate(CHIPS):
         angles, columns = traced(number)
-        off = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2) - columns
-        print(number, off.std(), np.abs(off).max())
-        assert off.std() < 8e-5
-        assert np.abs(off).max() < 2.5e-4
+        errors = response("extruded").fractions(angles, chip.offset_mm, chip.width_mm**2) - columns
+        print(number, errors.std(), np.abs(errors).max())
+        assert errors.std() < 8e-5
+        assert np.abs(errors).max() < 2.5e-4
 
 
 @pytest.mark.evidence
-@pytest.mark.parametrize("by", [-0.003, 0.003])
-def test_the_table_follows_the_index(by: float) -> None:
-    """A change of up to 2e-3, beside direct integrals."""
+@pytest.mark.parametrize("change", [-0.003, 0.003])
+def test_table_agrees_with_integrals_for_another_index(change: float) -> None:
+    """The fractions change by up to 2e-3."""
     chip, base = CHIPS[0], Sensor.of(DESIGN)
-    values = {"emitter.offset_mm": chip.offset_mm, "material.index": 1.44 + by}
-    moved = replace(Sensor.of(with_values(DESIGN, values)), cut=base.cut)
+    values = {"emitter.offset_mm": chip.offset_mm, "material.index": 1.44 + change}
+    sensor = replace(Sensor.of(with_values(DESIGN, values)), cut=base.cut)
     angles = np.array([-2.4, -0.85, 0.0, 0.4, 0.75, 2.3])
-    found = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2, {INDEX: by})
-    for angle, row in zip(angles.tolist(), found, strict=True):
-        traced_there = moved.integrate(angle, tolerance=3e-5).detectors
-        assert row == pytest.approx([traced_there[side].power for side in ("right", "left")], abs=1.2e-4)
+    rows = response("extruded").fractions(angles, chip.offset_mm, chip.width_mm**2, {INDEX: change})
+    for angle, row in zip(angles.tolist(), rows, strict=True):
+        direct = sensor.integrate(angle, tolerance=3e-5).detectors
+        assert row == pytest.approx([direct[side].power for side in ("right", "left")], abs=1.2e-4)
 
 
-def checked(found: Diagnosis, chip: int) -> dict[str, bool]:
-    """Whether intervals hold the truth; errors beyond what is promised fail at once."""
+def covered(diagnosis: Diagnosis, chip: int) -> dict[str, bool]:
+    """Return which intervals contain the true values, after a check of the errors."""
     true = {
         "emitter_offset_mm": CHIPS[chip].offset_mm,
         "chip_width_mm": CHIPS[chip].width_mm,
         "gain_right_V": 8.0,
         "gain_left_V": 7.0,
     }
-    held = {}
+    contained = {}
     for name, value in true.items():
-        one = found.estimates[name]
-        assert one.value is not None
-        assert one.low is not None
-        assert one.high is not None
-        held[name] = one.low <= value <= one.high
-        most = {"emitter_offset_mm": 5e-3, "chip_width_mm": 0.1 * CHIPS[chip].width_mm}.get(name, 0.05 * value)
-        assert abs(one.value - value) < most, name
-    return held
+        estimate = diagnosis.estimates[name]
+        assert estimate.value is not None
+        assert estimate.low is not None
+        assert estimate.high is not None
+        contained[name] = estimate.low <= value <= estimate.high
+        limit = {"emitter_offset_mm": 5e-3, "chip_width_mm": 0.1 * CHIPS[chip].width_mm}.get(name, 0.05 * value)
+        assert abs(estimate.value - value) < limit, name
+    return contained
 
 
 @pytest.mark.evidence
-def test_intervals_hold_chips_in_space() -> None:
-    """Recordings whose zero of the angle is off by as much as it is said to be."""
-    held: list[dict[str, bool]] = []
+def test_intervals_have_their_coverage_in_space() -> None:
+    """The zero angles of the recordings are drawn from the prior distribution."""
+    rows: list[dict[str, bool]] = []
     for chip in range(len(CHIPS)):
-        draw, warned = np.random.default_rng(chip), 0
+        rng, misfits = np.random.default_rng(chip), 0
         for seed in range(SEEDS):
-            zero = 0.1 * float(np.clip(draw.standard_normal(), -3.0, 3.0))
-            found = diagnosed(recorded(chip=chip, zero_deg=zero, seed=seed), response("extruded"), KNOWN)
-            held.append(checked(found, chip))
-            apart = [found.estimates[f"gain_{side}_V"] for side in ("right", "left")]
-            assert apart[0].low > apart[1].high  # type: ignore[operator]  # both are known
-            warned += found.fitted.misfit.significant
-        print(chip, coverage(held[-SEEDS:]), "misfit", warned / SEEDS)
-        assert min(coverage(held[-SEEDS:]).values()) >= 0.90
-    print("all chips", coverage(held))
-    assert max(coverage(held).values()) <= 0.99
+            zero = 0.1 * float(np.clip(rng.standard_normal(), -3.0, 3.0))
+            truth = LitInSpace(chip=chip, zero_deg=zero, seed=seed)
+            diagnosis = diagnosed(recorded(truth), response("extruded"), PRIORS)
+            rows.append(covered(diagnosis, chip))
+            right, left = (diagnosis.estimates[f"gain_{side}_V"] for side in ("right", "left"))
+            assert right.low is not None
+            assert left.high is not None
+            assert right.low > left.high
+            misfits += diagnosis.fitted.misfit.significant
+        print(chip, coverage(rows[-SEEDS:]), "misfit", misfits / SEEDS)
+        assert min(coverage(rows[-SEEDS:]).values()) >= 0.90
+    print("all chips", coverage(rows))
+    assert max(coverage(rows).values()) <= 0.99
 
 
-def coverage(held: list[dict[str, bool]]) -> dict[str, float]:
-    """Share of the recordings whose intervals hold the truth."""
-    return {name: sum(one[name] for one in held) / len(held) for name in held[0]}
+def coverage(rows: list[dict[str, bool]]) -> dict[str, float]:
+    """Return the fraction of the recordings whose intervals contain the true values."""
+    return {name: sum(row[name] for row in rows) / len(rows) for name in rows[0]}
 
 
 @pytest.mark.evidence
-def test_the_plane_misses_them_and_says_so() -> None:
-    found = diagnosed(recorded(), response("2d"), KNOWN)
-    print(found.fitted.misfit, {name: (one.value, one.low, one.high) for name, one in found.estimates.items()})
-    assert found.fitted.misfit.significant
-    assert found.fitted.misfit.share > 0.01
+def test_plane_model_reports_a_misfit() -> None:
+    diagnosis = diagnosed(recorded(LitInSpace()), response("2d"), PRIORS)
+    estimates = {name: (estimate.value, estimate.low, estimate.high) for name, estimate in diagnosis.estimates.items()}
+    print(diagnosis.fitted.misfit, estimates)
+    assert diagnosis.fitted.misfit.significant
+    assert diagnosis.fitted.misfit.share > 0.01

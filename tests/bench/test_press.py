@@ -87,7 +87,7 @@ def test_a_press_from_a_run_to_decoded_newtons(bench: Path, capfd: pytest.Captur
     capfd.readouterr()
     table = bench / "out.csv"
     assert run_command(["bench", "decode", str(known), str(out / "again.nc"), "--out", str(table)]) == 0
-    assert "compared with the recording's own force" in capfd.readouterr().out
+    assert "relative to the recorded force" in capfd.readouterr().out
     rows = np.genfromtxt(table, delimiter=",", skip_header=1, names=True, dtype=None, encoding="utf-8")
     true = pressed_N(np.maximum(columns(out / "again.nc")["depth_mm"], 0.0))
     assert ((rows["low95_N"] <= true + 2e-5) & (true <= rows["high95_N"] + 2e-5)).mean() > 0.9

@@ -12,13 +12,13 @@ from solen.analysis.calibration.decoder import Decoder
 from solen.analysis.calibration.estimate import Calibration, calibrated
 from solen.analysis.calibration.table import BoardTable
 from solen.arrays import FloatArray
-from tests.analysis.calibration_support import SHORT, trained
-from tests.analysis.made_support import Truth
+from tests.analysis.calibration_support import SHORT, training
+from tests.analysis.simulated_support import Truth
 from tests.bench.firmware_support import micropython
 
 
 def known() -> Calibration:
-    return calibrated(trained(Truth(noise_V=0.01, protocol=SHORT)))
+    return calibrated(training(Truth(noise_V=0.01, protocol=SHORT)))
 
 
 def made(points: int = 33) -> BoardTable:
@@ -42,10 +42,10 @@ def test_the_table_gives_the_decoder_s_angles() -> None:
     assert (found[on, 1] / spread[on]).mean() == pytest.approx(1.0, abs=0.3)
     assert found[-2:, 2].all()
     assert not found[:-2, 2].any()
-    off_deg, sigma = table.off_deg(calibration)
+    off_deg, sigma = table.deviation(calibration)
     assert off_deg < 0.1
     assert sigma < 0.5
-    assert made(5).off_deg(calibration)[0] > 2.0 * off_deg  # a coarse one says so
+    assert made(5).deviation(calibration)[0] > 2.0 * off_deg  # a coarse one says so
 
 
 def test_a_name_cannot_leave_its_comment() -> None:
@@ -53,7 +53,7 @@ def test_a_name_cannot_leave_its_comment() -> None:
     assert table.python.startswith('"""Angles of a calibrated sensor: S 1 (a). Written by solen 0.1+b.')
     compile(table.python, "solen_decode.py", "exec")
     assert table.c.startswith("/* Angles of a calibrated sensor: S 1 (a). Written")
-    assert "as they were calibrated: dark." in table.c
+    assert "as in the calibration: dark." in table.c
 
 
 PROGRAM = """

@@ -1,4 +1,4 @@
-"""`solen bench calibrate` and `solen bench decode` from files to answers, and what they refuse."""
+"""`solen bench calibrate` and `solen bench decode` for recordings, streams and runs, and what they refuse."""
 
 import io
 import json
@@ -28,7 +28,8 @@ from solen.bench.record import record
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
-from tests.analysis.made_support import Protocol, Truth, made
+from solen.recording import read_parts
+from tests.analysis.simulated_support import Protocol, Truth, simulated
 from tests.bench.lsl_support import kept_streams
 from tests.bench.rig_support import PROTOCOL
 from tests.bench.wire_support import Served
@@ -41,7 +42,8 @@ DESIGN = 'schema = 1\nname = "one"\n\n[material]\nindex = 1.44\n'
 def write(
     path: Path, truth: Truth = TRUTH, header: str = "time_s,angle_deg,left_V,right_V", scale: float = 1.0
 ) -> Path:
-    signals = made(truth)
+    """Write a simulated recording as a table, with scaled voltages."""
+    signals = simulated(truth)
     rows = np.column_stack([signals.time_s, signals.angle_deg, scale * signals.volts])
     np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.6f")
     return path
@@ -49,15 +51,15 @@ def write(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recordings of a rotation and its calibration."""
-    where = tmp_path_factory.mktemp("decode")
-    write(where / "S1.csv")
-    write(where / "again.csv", replace(TRUTH, seed=5))
-    (where / "design.toml").write_text(DESIGN, encoding="utf-8")
-    (where / "bend.toml").write_text(f'{DESIGN}\n[motion]\nkind = "bend"\n', encoding="utf-8")
-    (where / "emitter.toml").write_text(f'{DESIGN}\n[motion]\npivot = "emitter"\n', encoding="utf-8")
-    assert run_command(["bench", "calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
-    return where
+    """Return a folder with recordings of a rotation and a calibration."""
+    path = tmp_path_factory.mktemp("decode")
+    write(path / "S1.csv")
+    write(path / "again.csv", replace(TRUTH, seed=5))
+    (path / "design.toml").write_text(DESIGN, encoding="utf-8")
+    (path / "bend.toml").write_text(f'{DESIGN}\n[motion]\nkind = "bend"\n', encoding="utf-8")
+    (path / "emitter.toml").write_text(f'{DESIGN}\n[motion]\npivot = "emitter"\n', encoding="utf-8")
+    assert run_command(["bench", "calibrate", str(path / "S1.csv"), "--design", str(path / "design.toml")]) == 0
+    return path
 
 
 @pytest.fixture
@@ -65,27 +67,28 @@ def calibration(folder: Path) -> Path:
     return folder / "S1.calibration.json"
 
 
-def decoded(folder: Path, **more: Any) -> Decoding:
-    """What comes of lines of CSV."""
-    found = pipeline.decode(folder / "S1.calibration.json", "-", **more).result
-    assert isinstance(found, Decoding)
-    return found
+def decoded_lines(folder: Path, **options: Any) -> Decoding:
+    """Return the result of decoding lines of CSV."""
+    decoding = pipeline.decode(folder / "S1.calibration.json", "-", **options).result
+    assert isinstance(decoding, Decoding)
+    return decoding
 
 
-def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
-    folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    figure = tmp_path / "one.svg"
-    found = answered(
+def test_calibrates_and_checks_a_recording(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    figure = tmp_path / "calibration.svg"
+    result = answered(
         capfd, "bench", "calibrate", str(folder / "again.csv"), "--out", str(tmp_path / "a.json"),
         "--figure", str(figure), "--motion", "rotation",
     )  # fmt: skip
-    (one,) = found["calibrations"]
-    assert one["cycles"] == 5
-    check = one["leave_one_cycle_out"]["whole"]
-    assert check["rms_deg"] < 0.06  # 10 mV over 0.5 V/deg at 0 and 0.1 at the ends, by two receivers
+    (calibration,) = result["calibrations"]
+    assert calibration["cycles"] == 5
+    check = calibration["leave_one_cycle_out"]["whole"]
+    assert check["rms_deg"] < 0.06  # from 10 mV of noise of two receivers, with 0.5 V/° at 0 and 0.1 V/° at the ends
     assert 0.9 < check["within_95"] <= 1.0
     assert "<svg" in figure.read_text(encoding="utf-8")
+
+
+def test_calibration_file_describes_its_conditions(folder: Path) -> None:
     file = saved.load(folder / "S1.calibration.json")
     assert file.motion.kind == "rotation"
     assert file.motion.pivot == "stem-base"
@@ -99,148 +102,160 @@ def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
     assert "curves" in saved.json_schema()["properties"]
 
 
-def test_a_recording_is_decoded_to_its_own_angle(
+def test_decodes_a_recording_and_compares_it_with_its_angle(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "angles.csv"
-    told = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
-    assert told["readings"] == len(made(TRUTH).time_s)
-    assert told["against_angle"]["rms_deg"] < 0.06
-    assert 0.92 < told["against_angle"]["within_95"] <= 1.0
-    assert told["outside"] < 0.01 * told["readings"]
-    (named,) = [line for line in told["warnings"] if '--sensor "again"' in line]
-    assert named.startswith("note")
-    command = ("bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
-    out.write_text("measured once", encoding="utf-8")
-    assert "angles.csv; already exists; specify another file, or add --force" in refused(capfd, *command)
-    assert out.read_text(encoding="utf-8") == "measured once"
-    answered(capfd, *command, "--force")
-    other = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--sensor", "again")
-    assert any("sensor again instead of S1" in line for line in other["warnings"])
-    text = out.read_text(encoding="utf-8").splitlines()
-    assert text[0] == ",".join(COLUMNS)
-    assert len(text) == told["readings"] + 1
-    rows = [line.split(",") for line in text[1:]]
-    signals = made(replace(TRUTH, seed=5))
-    assert [float(row[1]) for row in rows] == pytest.approx(signals.angle_deg.tolist(), abs=0.35)
-    assert {row[6] for row in rows} == {"left", "right"}
-    far = np.abs(signals.angle_deg) > 0.5
-    assert all(row[6] == ("left" if angle > 0 else "right") for row, angle in zip(rows, signals.angle_deg, strict=True)
-               if abs(angle) > 0.5)  # fmt: skip
-    assert far.any()
-    rising = [row[8] for row, step in zip(rows, np.diff(signals.angle_deg, prepend=0.0), strict=True) if step > 0.05]
+    result = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
+    assert result["readings"] == len(simulated(TRUTH).time_s)
+    assert result["against_angle"]["rms_deg"] < 0.06
+    assert 0.92 < result["against_angle"]["within_95"] <= 1.0
+    assert result["outside"] < 0.01 * result["readings"]
+    lines = out.read_text(encoding="utf-8").splitlines()
+    assert lines[0] == ",".join(COLUMNS)
+    assert len(lines) == result["readings"] + 1
+    rows = [line.split(",") for line in lines[1:]]
+    angles = simulated(replace(TRUTH, seed=5)).angle_deg
+    assert [float(row[1]) for row in rows] == pytest.approx(angles.tolist(), abs=0.35)
+    outer = [
+        (row[6], "left" if angle > 0 else "right") for row, angle in zip(rows, angles, strict=True) if abs(angle) > 0.5
+    ]
+    assert {direction for direction, _ in outer} == {"left", "right"}
+    assert all(direction == expected for direction, expected in outer)
+    rising = [row[8] for row, step in zip(rows, np.diff(angles, prepend=0.0), strict=True) if step > 0.05]
     assert rising.count("rising") > 0.5 * len(rising)
     assert rising.count("falling") < 0.05 * len(rising)
 
 
-def test_lines_are_answered_as_they_come(folder: Path) -> None:
-    asked_for: list[str] = []
-    answers = io.StringIO()
+def test_notes_a_file_with_another_name_and_warns_of_another_sensor(
+    folder: Path, calibration: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    command = ("bench", "decode", str(calibration), str(folder / "again.csv"))
+    (note,) = [line for line in answered(capfd, *command)["warnings"] if '--sensor "again"' in line]
+    assert note.startswith("note")
+    other = answered(capfd, *command, "--sensor", "again")
+    assert any("sensor again instead of S1" in line for line in other["warnings"])
+
+
+def test_replaces_an_existing_table_only_with_force(
+    folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "angles.csv"
+    out.write_text("existing", encoding="utf-8")
+    command = ("bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
+    assert "angles.csv; already exists; specify another file, or add --force" in refused(capfd, *command)
+    assert out.read_text(encoding="utf-8") == "existing"
+    answered(capfd, *command, "--force")
+
+
+def test_decodes_each_line_before_the_next_is_read(folder: Path) -> None:
+    read: list[str] = []
+    written = io.StringIO()
 
     def lines() -> Iterator[str]:
         yield "Zeit (s);PD links (mV);PD rechts (mV)\n"
         for number, row in enumerate(("0;2000;2000\n", "0,005;1500,0;2500\n", "0,01;;2500\n", "0,015;oops;1\n", "\n")):
-            # everything before this line has been answered when this line is asked for
-            assert answers.getvalue().count("\n") == number + 1
-            asked_for.append(row)
+            assert written.getvalue().count("\n") == number + 1  # the rows of all lines before this one
+            read.append(row)
             yield row
 
-    found = decoded(folder, rows=answers, text=lines())
-    assert len(asked_for) == 5
-    rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
+    decoding = decoded_lines(folder, rows=written, text=lines())
+    assert len(read) == 5
+    rows = [line.split(",") for line in written.getvalue().splitlines()[1:]]
     assert len(rows) == 4
-    assert (found.readings, found.missing) == (2, 2)
+    assert (decoding.readings, decoding.missing) == (2, 2)
     assert all(len(row) == len(COLUMNS) for row in rows)
     assert float(rows[0][1]) == pytest.approx(0.0, abs=0.05)
     assert float(rows[1][1]) == pytest.approx(2.0 * np.arctanh(0.5), abs=0.06)
     assert [row[10] for row in rows[2:]] == ["missing", "missing"]
-    assert any("cannot be checked" in warning for warning in found.warnings)
+    assert any("cannot be checked" in warning for warning in decoding.warnings)
 
 
-def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
-    answers = io.StringIO()
-    named = SignalOptions(columns=("t", "left_V", "right_V"))
-    decoded(folder, signals=named, rows=answers, text=["0.5,2.0,2.0\n"])
-    assert answers.getvalue().splitlines()[1].startswith("0.500000,")
-    named = SignalOptions(channel=("left=a", "right=b"), rate_hz=200.0)
-    decoded(folder, signals=named, rows=answers, text=["a,b\n", "2.0,2.0\n"])
+def test_columns_of_lines_without_a_header_are_options(folder: Path) -> None:
+    rows = io.StringIO()
+    columns = SignalOptions(columns=("t", "left_V", "right_V"))
+    decoded_lines(folder, signals=columns, rows=rows, text=["0.5,2.0,2.0\n"])
+    assert rows.getvalue().splitlines()[1].startswith("0.500000,")
+    channels = SignalOptions(channel=("left=a", "right=b"), rate_hz=200.0)
+    assert decoded_lines(folder, signals=channels, text=["a,b\n", "2.0,2.0\n"]).readings == 1
 
 
 @pytest.mark.parametrize(
     ("header", "assumed", "in_A"),
     [("t,left,right", 3, False), ("t_s,left_V,right_V", 0, False), ("t_s,left (mA),right (mA)", 0, True)],
 )
-def test_lines_have_the_units_of_a_file(folder: Path, tmp_path: Path, header: str, assumed: int, *, in_A: bool) -> None:
-    """Without a unit, lines had that of the calibration, and a file V."""
-    known, unit = folder / "S1.calibration.json", 1e3 if in_A else 1.0
+def test_lines_and_files_have_the_same_units(
+    folder: Path, tmp_path: Path, header: str, assumed: int, *, in_A: bool
+) -> None:
+    calibration, scale = folder / "S1.calibration.json", 1e3 if in_A else 1.0
     if in_A:
-        content = json.loads(known.read_text(encoding="utf-8").replace('_V"', '_A"'))
-        known = tmp_path / "A.json"
-        known.write_text(json.dumps({**content, "unit": "A"}), encoding="utf-8")
-    readings = [f"{0.005 * n:.3f},{unit * (2.0 - 0.02 * n):.6g},{unit * (2.0 + 0.02 * n):.6g}" for n in range(20)]
+        content = json.loads(calibration.read_text(encoding="utf-8").replace('_V"', '_A"'))
+        calibration = tmp_path / "A.json"
+        calibration.write_text(json.dumps({**content, "unit": "A"}), encoding="utf-8")
+    readings = [f"{0.005 * n:.3f},{scale * (2.0 - 0.02 * n):.6g},{scale * (2.0 + 0.02 * n):.6g}" for n in range(20)]
     source = tmp_path / "file.csv"
     source.write_text("\n".join([header, *readings, ""]), encoding="utf-8")
-    answers = []
+    tables = []
     for name, text in ((str(source), None), ("-", [header, *readings])):
         rows = io.StringIO()
-        found = pipeline.decode(known, name, rows=rows, text=text).result
-        answers.append((rows.getvalue(), [line for line in found.warnings if "assumed" in line]))
-    assert answers[0][0] == answers[1][0]
-    assert [len(lines) for _, lines in answers] == [assumed, assumed]
+        result = pipeline.decode(calibration, name, rows=rows, text=text).result
+        assert sum("assumed" in line for line in result.warnings) == assumed
+        tables.append(rows.getvalue())
+    assert tables[0] == tables[1]
 
 
-def test_a_reading_like_the_first_one_is_no_header_again(folder: Path) -> None:
-    """Of a sensor at rest many lines are alike; only a header that is written again is left out."""
-    answers = io.StringIO()
-    named = SignalOptions(columns=("left_V", "right_V"), rate_hz=50.0)
-    decoded(folder, signals=named, rows=answers, text=["2.0,2.0\n"] * 3)
-    assert [row.split(",")[0] for row in answers.getvalue().splitlines()[1:]] == ["0.000000", "0.020000", "0.040000"]
-    headed = ["t_s,left_V,right_V\n", "0.5,2.0,2.0\n"] * 2
-    assert decoded(folder, text=headed).readings == 2
+def test_repeated_readings_are_not_taken_for_repeated_headers(folder: Path) -> None:
+    rows = io.StringIO()
+    columns = SignalOptions(columns=("left_V", "right_V"), rate_hz=50.0)
+    decoded_lines(folder, signals=columns, rows=rows, text=["2.0,2.0\n"] * 3)
+    assert [row.split(",")[0] for row in rows.getvalue().splitlines()[1:]] == ["0.000000", "0.020000", "0.040000"]
+    repeated_header = ["t_s,left_V,right_V\n", "0.5,2.0,2.0\n"] * 2
+    assert decoded_lines(folder, text=repeated_header).readings == 2
 
 
 @pytest.mark.parametrize("mark", ["\ufeff", "\xef\xbb\xbf"], ids=["UTF-8", "Windows-1252"])
 @pytest.mark.parametrize("header", ["t/s,U_L/V,U_R/V", "time_s,left_V,right_V", "Zeit (s);U_L [V];U_R [V]"])
-def test_a_header_may_begin_with_a_mark_of_its_byte_order(folder: Path, mark: str, header: str) -> None:
-    answers = io.StringIO()
+def test_header_may_begin_with_a_byte_order_mark(folder: Path, mark: str, header: str) -> None:
+    rows = io.StringIO()
     row = "0.5,2.0,2.0\n" if "," in header else "0,5;2,0;2,0\n"
-    found = decoded(folder, rows=answers, text=[f"{mark}{header}\n", row, f"{header}\n", row, f"{mark}{header}\n", row])
-    assert (found.readings, found.missing) == (3, 0)
-    assert answers.getvalue().splitlines()[1].startswith("0.500000,")
+    lines = [f"{mark}{header}\n", row, f"{header}\n", row, f"{mark}{header}\n", row]
+    decoding = decoded_lines(folder, rows=rows, text=lines)
+    assert (decoding.readings, decoding.missing) == (3, 0)
+    assert rows.getvalue().splitlines()[1].startswith("0.500000,")
 
 
-def test_a_stream_without_times_is_refused_unless_its_rate_is_known(folder: Path) -> None:
+def test_stream_without_times_requires_a_rate(folder: Path) -> None:
     lines = ["left_V,right_V\n", "2.0,2.0\n", "2.0,2.0\n"]
     with pytest.raises(DataError, match="--rate-hz"):
-        decoded(folder, text=lines)
-    answers = io.StringIO()
-    decoded(folder, signals=SignalOptions(rate_hz=50.0), rows=answers, text=lines)
-    assert [row.split(",")[0] for row in answers.getvalue().splitlines()[1:]] == ["0.000000", "0.020000"]
+        decoded_lines(folder, text=lines)
+    rows = io.StringIO()
+    decoded_lines(folder, signals=SignalOptions(rate_hz=50.0), rows=rows, text=lines)
+    assert [row.split(",")[0] for row in rows.getvalue().splitlines()[1:]] == ["0.000000", "0.020000"]
 
 
-def test_volts_after_a_stroke_are_two_receivers_of_one_sensor(folder: Path, tmp_path: Path) -> None:
+def test_units_may_follow_a_slash(folder: Path, tmp_path: Path) -> None:
     write(tmp_path / "S1.csv", header="t/s,angle/deg,U_L/V,U_R/V")
-    found = pipeline.decode(folder / "S1.calibration.json", str(tmp_path / "S1.csv")).result
-    assert isinstance(found, Decoding)
-    assert found.against_angle is not None
-    assert found.against_angle.rms_deg < 0.06
+    decoding = pipeline.decode(folder / "S1.calibration.json", str(tmp_path / "S1.csv")).result
+    assert isinstance(decoding, Decoding)
+    assert decoding.against_angle is not None
+    assert decoding.against_angle.rms_deg < 0.06
 
 
-def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Path) -> None:
+def test_ctrl_c_ends_a_stream_with_a_complete_file(folder: Path, tmp_path: Path) -> None:
     def lines() -> Iterator[str]:
         yield "time_s,left_V,right_V\n"
         yield "0,2,2\n"
         raise KeyboardInterrupt
 
     out = tmp_path / "live.csv"
-    found = decoded(folder, out=out, text=lines())
-    assert found.interrupted is True
-    assert found.readings == 1
+    decoding = decoded_lines(folder, out=out, text=lines())
+    assert decoding.interrupted is True
+    assert decoding.readings == 1
     assert len(out.read_text(encoding="utf-8").splitlines()) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["live.csv"]
 
 
-def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
+def test_writes_rows_before_a_pipe_is_closed(calibration: Path) -> None:
     command = [sys.executable, "-m", "solen", "bench", "decode", str(calibration), "-"]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
@@ -256,63 +271,63 @@ def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
         process.stdin = None
 
 
-def test_all_readings_are_100_percent(folder: Path) -> None:
+def test_warns_of_readings_outside_the_curve(folder: Path) -> None:
     lines = ["time_s,left_V,right_V", *(f"{0.01 * n},9,9" for n in range(20))]
-    assert any("20 readings (100 %)" in line for line in decoded(folder, text=lines).warnings)
+    assert any("20 readings (100 %)" in line for line in decoded_lines(folder, text=lines).warnings)
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "message"),
     [
         (("--design", "design.toml"), ""),
         (("--design", "bend.toml"), "does not match the calibration: kind of motion bend instead of rotation"),
         (("--design", "emitter.toml"), "does not match the calibration: pivot emitter instead of stem-base"),
         (("--motion", "bend"), "does not match the calibration: kind of motion bend instead of rotation"),
-        ((), "does not specify the kind of motion, pivot, moving parts"),
+        ((), "does not specify the kind of motion and the pivot and the moving parts"),
     ],
 )
-def test_another_motion_is_warned_of_once(
-    folder: Path, calibration: Path, options: tuple[str, ...], words: str, capfd: pytest.CaptureFixture[str]
+def test_warns_of_another_motion(
+    folder: Path, calibration: Path, options: tuple[str, ...], message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    named = [str(folder / one) if one.endswith(".toml") else one for one in options]
-    warnings = answered(capfd, "bench", "decode", str(calibration), str(folder / "S1.csv"), *named)["warnings"]
-    told = [
-        line
-        for line in warnings
-        if "calibration applies" in line or "the calibration: " in line or "calibration is" in line
-    ]
-    assert len(told) == bool(words)
-    assert all(words in line for line in told)
+    arguments = [str(folder / option) if option.endswith(".toml") else option for option in options]
+    result = answered(capfd, "bench", "decode", str(calibration), str(folder / "S1.csv"), *arguments)
+    warnings = [line for line in result["warnings"] if "the calibration: " in line or "does not specify" in line]
+    assert len(warnings) == bool(message)
+    assert all(message in warning for warning in warnings)
 
 
-def test_a_pool_of_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_pools_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     paths = [
         write(tmp_path / f"S{n}.csv", replace(TRUTH, seed=n, swing_V=1.0 + 0.05 * n, offset_V=2.0 + 0.05 * (-1) ** n))
         for n in range(3)
     ]
-    found = answered(capfd, "bench", "calibrate", *map(str, paths), "--pool")
-    (one,) = found["calibrations"]
-    assert one["prints"] == ["S0", "S1", "S2"]
-    assert Path(found["files"]["calibration.pooled"]).name == "pooled.calibration.json"
-    assert one["leave_one_cycle_out"] is None
-    assert [part["name"] for part in one["leave_one_sensor_out"]["parts"]] == ["S0", "S1", "S2"]
-    many = answered(capfd, "bench", "calibrate", *map(str, paths))
-    assert [Path(file).name for file in many["files"].values()] == [f"S{n}.calibration.json" for n in range(3)]
-    told = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(paths[1]))
-    own = answered(capfd, "bench", "decode", str(tmp_path / "S1.calibration.json"), str(paths[1]))
-    assert told["against_angle"]["rms_deg"] > own["against_angle"]["rms_deg"]
+    pooled = answered(capfd, "bench", "calibrate", *map(str, paths), "--pool")
+    (calibration,) = pooled["calibrations"]
+    assert calibration["prints"] == ["S0", "S1", "S2"]
+    assert Path(pooled["files"]["calibration.pooled"]).name == "pooled.calibration.json"
+    assert calibration["leave_one_cycle_out"] is None
+    assert [part["name"] for part in calibration["leave_one_sensor_out"]["parts"]] == ["S0", "S1", "S2"]
+    separate = answered(capfd, "bench", "calibrate", *map(str, paths))
+    assert [Path(file).name for file in separate["files"].values()] == [f"S{n}.calibration.json" for n in range(3)]
+    by_pool, by_print = (
+        answered(capfd, "bench", "decode", file, str(paths[1]))["against_angle"]["rms_deg"]
+        for file in (pooled["files"]["calibration.pooled"], str(tmp_path / "S1.calibration.json"))
+    )
+    assert by_pool > by_print
 
 
 def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Return the error message of a command that fails; its last line on stderr."""
     capfd.readouterr()
     assert run_command([*arguments]) == 2
-    err = capfd.readouterr().err.strip().splitlines()
-    return [line for line in err if line.startswith("solen: ")][-1] if err[-1].startswith("solen: ") else ""
+    last = capfd.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith("solen: ")
+    return last
 
 
-def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    one = write(tmp_path / "one.csv", header="time_s,angle_deg,top_V,bottom_V")
-    assert "no pair of a left and a right receiver" in refused(capfd, "bench", "calibrate", str(one))
+def test_refuses_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    without_sides = write(tmp_path / "S1.csv", header="time_s,angle_deg,top_V,bottom_V")
+    assert "no pair of a left and a right receiver" in refused(capfd, "bench", "calibrate", str(without_sides))
     short = write(tmp_path / "short.csv", replace(TRUTH, protocol=Protocol(hold_s=0.2, cycles=2)))
     assert "1 usable cycle" in refused(capfd, "bench", "calibrate", str(short))
     good = write(tmp_path / "good.csv")
@@ -324,88 +339,91 @@ def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.Capt
     assert not list(tmp_path.glob("*.json"))
 
 
-def test_calibrations_that_cannot_be_read(
+def test_refuses_invalid_calibration_files(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     data = json.loads(calibration.read_text(encoding="utf-8"))
-    bad = tmp_path / "bad.json"
+    curves, invalid = data["curves"], tmp_path / "invalid.json"
 
-    def told(text: str) -> str:
-        bad.write_text(text, encoding="utf-8")
-        return refused(capfd, "bench", "decode", str(bad), str(folder / "S1.csv"))
+    def message(content: str) -> str:
+        invalid.write_text(content, encoding="utf-8")
+        return refused(capfd, "bench", "decode", str(invalid), str(folder / "S1.csv"))
 
     missing = refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
+    assert "no such file" in missing
     assert "solen bench calibrate" in missing
-    assert "not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
-    assert "not JSON: NaN is not a valid JSON number" in told('{"kind": "calibration", "schema": NaN}')
-    assert "is not the calibration of a sensor" in told('{"kind": "analysis"}')
-    assert "is not the calibration of a sensor" in told("[1, 2]")
-    assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))
-    assert "schema is missing" in told(json.dumps({key: data[key] for key in data if key != "schema"}))
-    assert "curves" in told(json.dumps({key: data[key] for key in data if key != "curves"}))
-    assert "unknown key" in told(json.dumps(data | {"colour": "red"}))
-    curves = data["curves"]
-    assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_V": curves["rising_V"][1:]}}))
-    assert "must ascend" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
-    wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
-    assert "not a covariance" in told(json.dumps(data | {"curves": curves | {"noise_V2": wrong}}))
-    assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
+    assert "not JSON" in message(calibration.read_text(encoding="utf-8")[:500])
+    assert "not JSON: NaN is not a valid JSON number" in message('{"kind": "calibration", "schema": NaN}')
+    assert "is not the calibration of a sensor" in message('{"kind": "analysis"}')
+    assert "is not the calibration of a sensor" in message("[1, 2]")
+    assert "written by a newer solen" in message(json.dumps(data | {"schema": 2}))
+    assert "schema is missing" in message(json.dumps({key: data[key] for key in data if key != "schema"}))
+    assert "curves" in message(json.dumps({key: data[key] for key in data if key != "curves"}))
+    assert "unknown key" in message(json.dumps(data | {"colour": "red"}))
+    too_short = curves | {"rising_V": curves["rising_V"][1:]}
+    assert "one for each angle" in message(json.dumps(data | {"curves": too_short}))
+    descending = curves | {"angle_deg": curves["angle_deg"][::-1]}
+    assert "must be in ascending order" in message(json.dumps(data | {"curves": descending}))
+    indefinite = curves | {"noise_V2": [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])}
+    assert "must be covariance matrices" in message(json.dumps(data | {"curves": indefinite}))
 
 
-def test_a_calibration_not_to_be_used_marks_its_angles(
+def test_table_begins_with_a_do_not_use_warning_of_the_calibration(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     data = json.loads(calibration.read_text(encoding="utf-8"))
-    data["warnings"] = ["do not use: only 40 % lie within the bands", "two cycles"]
+    data["warnings"] = ["do not use: only 40 % are within the bands", "two cycles"]
     poor, out = tmp_path / "poor.json", tmp_path / "angles.csv"
     poor.write_text(json.dumps(data), encoding="utf-8")
-    found = answered(capfd, "bench", "decode", str(poor), str(folder / "S1.csv"), "--out", str(out))
-    doubt = "calibration: do not use: only 40 % lie within the bands"
-    assert doubt in found["warnings"]
-    assert not any("two cycles" in line for line in found["warnings"])
+    result = answered(capfd, "bench", "decode", str(poor), str(folder / "S1.csv"), "--out", str(out))
+    warning = "calibration: do not use: only 40 % are within the bands"
+    assert warning in result["warnings"]
+    assert not any("two cycles" in line for line in result["warnings"])
     lines = out.read_text(encoding="utf-8").splitlines()
-    assert lines[0] == f"# {doubt}"
+    assert lines[0] == f"# {warning}"
     assert lines[1].startswith("time_s,")
 
 
-def test_streams_that_cannot_be_decoded(
+def test_refuses_invalid_lines(folder: Path) -> None:
+    def message(*lines: str, **options: Any) -> str:
+        with pytest.raises(DataError) as refusal:
+            decoded_lines(folder, text=lines, **options)
+        return str(refusal.value)
+
+    assert "is empty" in message()
+    assert "is empty" in message("\n", "\n")
+    assert "contains no reading" in message("time_s,left_V,right_V\n")
+    assert "contains no reading" in message("time_s,left_V,right_V\n", "0,nan,1\n")
+    assert "has 0 columns that could be the right receiver" in message("time_s,left_V\n", "0,1\n")
+    assert "has 2 columns that could be the left receiver" in message("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
+    assert "begins with numbers" in message("0,2,2\n")
+    assert "--time stage; no such column" in message("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
+    assert "left_mV" in message("t,left,right\n", "0,2000,2000\n")
+    with pytest.raises(SpecError, match="--smooth-ms; applies only to recorded files"):
+        decoded_lines(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
+
+
+def test_refuses_recordings_and_options_that_cannot_be_decoded(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    def told(*lines: str, **more: Any) -> str:
-        with pytest.raises(DataError) as bad:
-            decoded(folder, text=lines, **more)
-        return str(bad.value)
+    millivolts = write(tmp_path / "millivolts.csv", scale=1000.0)
 
-    assert "is empty" in told()
-    assert "is empty" in told("\n", "\n")
-    assert "holds no reading" in told("time_s,left_V,right_V\n")
-    assert "holds no reading" in told("time_s,left_V,right_V\n", "0,nan,1\n")
-    assert "no columns are recognised as the right receiver" in told("time_s,left_V\n", "0,1\n")
-    assert "2 columns are recognised as the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
-    assert "begins with numbers" in told("0,2,2\n")
-    assert "--time stage; no such column" in told("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
-    assert "left_mV" in told("t,left,right\n", "0,2000,2000\n")
-    with pytest.raises(SpecError, match="--smooth-ms; applies to recorded files"):
-        decoded(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
-    milli = write(tmp_path / "milli.csv", scale=1000.0)
-    assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
-    assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
-    assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
-    assert "end in .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
-    for more in ((), ("--force",)):
-        itself = refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(milli), *more)
-        assert "input file" in itself
-    assert "voltage without light" in refused(
-        capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
-    )
+    def message(*options: str, source: Path = millivolts) -> str:
+        return refused(capfd, "bench", "decode", str(calibration), str(source), *options)
+
+    assert "left_mV" in message("--json")
+    assert "no such file" in message(source=tmp_path / "none.csv")
+    assert "--follow" in message("--follow")
+    assert "end in .csv" in message("--out", "a.json")
+    for options in ((), ("--force",)):
+        assert "input file" in message("--out", str(millivolts), *options)
+    assert "voltage without light" in message("--gain-percent", "5")
     out = tmp_path / "out.csv"
-    assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(out))
+    assert "left_mV" in message("--out", str(out))
     assert not out.exists()
-    nowhere = str(tmp_path / "none" / "out.csv")
-    assert "cannot be written" in refused(
-        capfd, "bench", "decode", str(calibration), str(folder / "S1.csv"), "--out", nowhere
-    )
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["milli.csv"]
+    missing_folder = str(tmp_path / "none" / "out.csv")
+    assert "cannot be written" in message("--out", missing_folder, source=folder / "S1.csv")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["millivolts.csv"]
 
 
 RIG = """
@@ -425,75 +443,87 @@ mean_mw_cm2 = 0.05
 """
 
 
-def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "sensor.toml").write_text(DESIGN, encoding="utf-8")
-    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
-    (tmp_path / "protocol.toml").write_text(PROTOCOL.replace("cycles = 3", "cycles = 4"), encoding="utf-8")
-    whole = tmp_path / "kept.journal"
-    original = Journal.end
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the recording of a simulated run, its journal and a calibration."""
+    path = tmp_path_factory.mktemp("run")
+    (path / "sensor.toml").write_text(DESIGN, encoding="utf-8")
+    (path / "rig.toml").write_text(RIG, encoding="utf-8")
+    (path / "protocol.toml").write_text(PROTOCOL.replace("cycles = 3", "cycles = 4"), encoding="utf-8")
+    original_end = Journal.end
 
-    def keep(self: Journal, **more: Any) -> None:
-        original(self, **more)
-        whole.write_bytes(self.path.read_bytes())
+    def end_and_copy(self: Journal, **kwargs: Any) -> None:
+        original_end(self, **kwargs)
+        (path / "kept.journal").write_bytes(self.path.read_bytes())
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Journal, "end", keep)
-        record(tmp_path / "protocol.toml", tmp_path / "rig.toml", tmp_path)
-    found = answered(capfd, "bench", "calibrate", str(tmp_path / "protocol.nc"))
-    (one,) = found["calibrations"]
-    assert one["circuit"]["ambient"] == "subtracted"
-    assert one["motion"]["pivot"] == "stem-base"
-    assert one["motion"]["protocol"] == "short"
-    assert found["simulated"] is True
-    # a point emitter's response saturates within a degree: beyond, little is known, and the bands say so
-    assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.3
-    assert one["leave_one_cycle_out"]["whole"]["within_95"] > 0.9
-    told = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(tmp_path / "protocol.nc"))
-    assert told["against_angle"]["rms_deg"] < 0.3
-    assert not [line for line in told["warnings"] if "calibration is" in line]
+        patch.setattr(Journal, "end", end_and_copy)
+        record(path / "protocol.toml", path / "rig.toml", path)
+    assert run_command(["bench", "calibrate", str(path / "protocol.nc"), "--out", str(path / "A.json")]) == 0
+    return path
 
-    data = whole.read_bytes()
-    stopped = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(whole))
 
-    # the same journal as it grows: a piece now and then, cut anywhere
-    growing = tmp_path / "growing.journal"
+def test_calibrates_and_decodes_the_recording_of_a_run(run_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The response of a point emitter saturates within a degree; the bands of larger angles are wide."""
+    calibration = saved.load(run_folder / "A.json")
+    assert calibration.circuit.ambient == "subtracted"
+    assert calibration.motion.pivot == "stem-base"
+    assert calibration.motion.protocol == "short"
+    assert calibration.simulated is True
+    assert calibration.leave_one_cycle_out is not None
+    assert calibration.leave_one_cycle_out.whole.rms_deg < 0.3
+    assert calibration.leave_one_cycle_out.whole.within_95 > 0.9
+    decoded = answered(capfd, "bench", "decode", str(run_folder / "A.json"), str(run_folder / "protocol.nc"))
+    assert decoded["against_angle"]["rms_deg"] < 0.3
+    assert not [line for line in decoded["warnings"] if "the calibration: " in line]
+
+
+def test_follows_the_journal_of_a_run(run_folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The journal grows in pieces that end at any byte."""
+    command = ("bench", "decode", str(run_folder / "A.json"))
+    ended = answered(capfd, *command, str(run_folder / "kept.journal"))
+    data, growing = (run_folder / "kept.journal").read_bytes(), tmp_path / "growing.journal"
     cuts = [*np.linspace(len(data) // 3, len(data), 6).astype(int).tolist()]
     growing.write_bytes(data[: cuts[0]])
 
     def grow() -> None:
-        for begin, end in pairwise(cuts):
+        for start, end in pairwise(cuts):
             time.sleep(0.05)
             with growing.open("ab") as file:
-                file.write(data[begin:end])
+                file.write(data[start:end])
 
     thread = threading.Thread(target=grow)
     thread.start()
-    followed = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(growing), "--follow")
+    followed = answered(capfd, *command, str(growing), "--follow")
     thread.join()
-    assert followed["readings"] == stopped["readings"] > 300
-    assert (followed["to_s"], followed["highest_deg"]) == (stopped["to_s"], stopped["highest_deg"])
-    # its readings are those of the closed recording
-    fresh = next(iter(Following(whole).readings("A")))
-    from solen.recording import read_parts
+    assert followed["readings"] == ended["readings"] > 300
+    assert (followed["to_s"], followed["highest_deg"]) == (ended["to_s"], ended["highest_deg"])
 
-    ((_, closed),) = list(read_parts(tmp_path / "protocol.nc"))
-    assert fresh.volts[:, 0] == pytest.approx(closed.channel("left").values, abs=1e-12)
-    assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
+
+def test_journal_contains_the_readings_of_the_recording(run_folder: Path) -> None:
+    readings = next(iter(Following(run_folder / "kept.journal").readings("A")))
+    ((_, recording),) = list(read_parts(run_folder / "protocol.nc"))
+    assert readings.volts[:, 0] == pytest.approx(recording.channel("left").values, abs=1e-12)
+    assert readings.volts[:, 1] == pytest.approx(recording.channel("right").values, abs=1e-12)
+
+
+def test_refuses_a_file_that_is_no_journal(
+    calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "no.journal").write_bytes(b"something else")
-    assert "is not a journal of solen" in refused(
-        capfd, "bench", "decode", next(iter(found["files"].values())), str(tmp_path / "no.journal")
-    )
+    message = refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.journal"))
+    assert "is not a journal of solen" in message
 
 
-def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder: Path) -> None:
-    answers = io.StringIO()
+def test_time_of_a_line_may_be_missing_or_earlier(folder: Path) -> None:
+    written = io.StringIO()
     steps = (f"{0.005 * n},{2 - 0.1 * n},{2 + 0.1 * n}\n" for n in range(5))
     lines = ["time_s,left_V,right_V\n", ",2,2\n", "9,2,2\n", *steps]
-    found = decoded(folder, rows=answers, text=lines)
-    assert (found.readings, found.missing) == (6, 1)
-    rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
+    decoding = decoded_lines(folder, rows=written, text=lines)
+    assert (decoding.readings, decoding.missing) == (6, 1)
+    rows = [line.split(",") for line in written.getvalue().splitlines()[1:]]
     assert rows[0][10] == "missing"
-    assert rows[2][8] == ""  # the reading before is of another time
+    assert rows[2][8] == ""  # the previous reading is later
     assert rows[-1][8] == "rising"
     assert float(rows[-1][9]) > 0.975
 
@@ -501,59 +531,59 @@ def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder:
 LIVE = "time_s,left_V,right_V\n0.0,-1.0,-1.2\n0.1,-1.0,-1.3\n0.2,,-1.0\n"
 
 
-def test_angles_go_out_as_datagrams(folder: Path) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as there:
-        there.bind(("127.0.0.1", 0))
-        there.settimeout(5.0)
-        where = f"udp://127.0.0.1:{there.getsockname()[1]}"
-        shown = io.StringIO()
-        decoded(folder, text=io.StringIO(LIVE), rows=shown, send=where)
-        got = [there.recv(4096).decode("ascii") for _ in range(4)]
-    assert got == shown.getvalue().splitlines()
-    assert got[0] == ",".join(COLUMNS)
+def test_sends_rows_as_datagrams(folder: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5.0)
+        rows = io.StringIO()
+        url = f"udp://127.0.0.1:{receiver.getsockname()[1]}"
+        decoded_lines(folder, text=io.StringIO(LIVE), rows=rows, send=url)
+        datagrams = [receiver.recv(4096).decode("ascii") for _ in range(4)]
+    assert datagrams == rows.getvalue().splitlines()
+    assert datagrams[0] == ",".join(COLUMNS)
 
 
-def test_angles_go_out_over_a_serial_line(folder: Path) -> None:
-    heard = bytearray()
+def test_sends_rows_over_a_serial_line(folder: Path) -> None:
+    received = bytearray()
 
-    class Listens:
+    class Listener:
         def answer(self, data: bytes) -> bytes:
-            heard.extend(data)
+            received.extend(data)
             return b""
 
-    shown = io.StringIO()
-    with Served(Listens()) as served:
-        decoded(folder, text=io.StringIO(LIVE), rows=shown, send=f"serial:{served.url}@9600")
-        due = time.monotonic() + 5.0
-        while heard.count(b"\n") < 4 and time.monotonic() < due:
+    rows = io.StringIO()
+    with Served(Listener()) as served:
+        decoded_lines(folder, text=io.StringIO(LIVE), rows=rows, send=f"serial:{served.url}@9600")
+        end_s = time.monotonic() + 5.0
+        while received.count(b"\n") < 4 and time.monotonic() < end_s:
             time.sleep(0.01)
-    assert heard.decode("ascii") == shown.getvalue()
+    assert received.decode("ascii") == rows.getvalue()
 
 
-def test_angles_go_out_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told = kept_streams(monkeypatch)
-    shown = io.StringIO()
-    decoded(folder, text=io.StringIO(LIVE), rows=shown, send="lsl:finger")
-    assert told[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")
-    assert [value for _, value in told[1:5]] == ["time_s", "angle_deg", "low95_deg", "high95_deg"]
-    rows = [dict(zip(COLUMNS, row.split(","), strict=True)) for row in shown.getvalue().splitlines()[1:]]
-    sent = [values for values, at_s in told[5:] if at_s == 7.5]
-    assert len(sent) == len(rows) == 3
-    assert sent[0] == [float(rows[0][name]) for name in ("time_s", "angle_deg", "low95_deg", "high95_deg")]
-    assert np.isnan(sent[2][1])
+def test_sends_angles_and_bands_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = kept_streams(monkeypatch)
+    written = io.StringIO()
+    decoded_lines(folder, text=io.StringIO(LIVE), rows=written, send="lsl:finger")
+    assert calls[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")
+    assert [value for _, value in calls[1:5]] == ["time_s", "angle_deg", "low95_deg", "high95_deg"]
+    rows = [dict(zip(COLUMNS, row.split(","), strict=True)) for row in written.getvalue().splitlines()[1:]]
+    samples = [values for values, stamp_s in calls[5:] if stamp_s == 7.5]
+    assert len(samples) == len(rows) == 3
+    assert samples[0] == [float(rows[0][name]) for name in ("time_s", "angle_deg", "low95_deg", "high95_deg")]
+    assert np.isnan(samples[2][1])
 
 
-NONE = ["udp://127.0.0.1", "udp:127.0.0.1:99999999", "serial:", "serial:COM5@fast", "tcp://x:1"]
+INVALID_OUTLETS = ["udp://127.0.0.1", "udp:127.0.0.1:99999999", "serial:", "serial:COM5@fast", "tcp://x:1"]
 
 
-@pytest.mark.parametrize("where", NONE)
-def test_an_outlet_that_is_none_is_refused(folder: Path, where: str) -> None:
+@pytest.mark.parametrize("send", INVALID_OUTLETS)
+def test_refuses_an_invalid_outlet(folder: Path, send: str) -> None:
     with pytest.raises(SpecError, match=r"--send = .*udp://HOST:PORT"):
-        decoded(folder, text=io.StringIO(LIVE), send=where)
+        decoded_lines(folder, text=io.StringIO(LIVE), send=send)
 
 
-class Stamped:
-    """An outlet that keeps when each row came."""
+class TimedRows:
+    """An outlet that records the time of each row."""
 
     def __init__(self, clock: SimulatedClock) -> None:
         self.clock, self.rows = clock, list[tuple[float, str]]()
@@ -562,23 +592,25 @@ class Stamped:
         self.rows.append((self.clock.now_s(), text))
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing."""
 
 
-def test_rows_of_a_recording_are_sent_at_the_pace_of_their_times() -> None:
+def test_rows_of_a_recording_are_sent_at_their_intervals() -> None:
     clock = SimulatedClock(100.0)
-    stamped = Stamped(clock)
-    paced = Paced(stamped, clock)
+    outlet = TimedRows(clock)
+    paced = Paced(outlet, clock)
     paced.write("time_s,angle_deg\n")
     paced.write("7.0,1.0\n7.5,1.5\n,missing\n")
-    clock.sleep(1.0)  # decoding took so long: what is late goes at once
+    clock.sleep(1.0)  # the duration of decoding; a late row is sent at once
     paced.write("8.0,2.0\n9.0,3.0\n")
-    assert [(round(at, 9), row.split(",")[0]) for at, row in stamped.rows] == [
+    assert [(round(time_s, 9), row.split(",")[0]) for time_s, row in outlet.rows] == [
         (100.0, "time_s"), (100.0, "7.0"), (100.5, "7.5"), (100.5, ""), (101.5, "8.0"), (102.0, "9.0"),
     ]  # fmt: skip
 
 
-def test_a_recording_goes_out_paced(calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_decode_sends_a_recording_at_its_intervals(
+    calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     waited: list[float] = []
     monkeypatch.setattr(WallClock, "sleep", lambda _, duration_s: waited.append(duration_s))
     path = tmp_path / "short.csv"
@@ -586,4 +618,4 @@ def test_a_recording_goes_out_paced(calibration: Path, tmp_path: Path, monkeypat
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         pipeline.decode(calibration, str(path), send=f"udp://127.0.0.1:{receiver.getsockname()[1]}")
-    assert waited == pytest.approx([10.0 * n for n in range(1, 20)], abs=5.0)  # nothing waits here, nor does time pass
+    assert waited == pytest.approx([10.0 * n for n in range(1, 20)], abs=5.0)  # from the start, because no time passes

@@ -1,17 +1,17 @@
-"""Ageing of a sensor over many cycles: response, null and noise for groups of consecutive cycles.
+"""Ageing of a sensor over many cycles: response, balance angle and noise for groups of consecutive cycles.
 
-Each group of consecutive cycles gives a swing, a level and a null, with uncertainties from the scatter of its cycles,
-and the noise of a reading (`solen.analysis.noise`). Larger changes from group to group are ageing or drift; the cycles
-alone cannot distinguish the two.
+Each group gives a swing, a level and a balance angle, with uncertainties from the scatter of its cycles, and the noise
+of a reading (`solen.analysis.noise`). Changes from group to group that exceed these uncertainties are ageing or drift;
+the cycles alone cannot distinguish the two.
 
-`ageing_of` computes an `Ageing` from a sensor's half-cycles and readings.
+`ageing_of` computes an `Ageing` from a sensor's half-cycles and the scatter of its readings.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from solen.analysis.figures_of_merit import Estimate, line_fit, over_cycles, swing
+from solen.analysis.figures_of_merit import Estimate, levels, line_fit, over_cycles, swing
 from solen.analysis.noise import Scatter, pooled_noise
 from solen.analysis.receiver_pair import crossing
 from solen.analysis.response import Passes
@@ -58,7 +58,7 @@ class Ageing(Result):
     first_cycle
         Number of the first cycle in each group, counted from 1 among the cycles used, (groups,).
     receivers
-        Results for each receiver, by receiver name.
+        Results for each receiver, keyed by its name.
     balance_deg, u_balance_deg
         Angle nearest to 0 at which the left and right voltages are equal, (groups,); NaN if the receiver names do not
         identify left and right.
@@ -75,7 +75,7 @@ class Ageing(Result):
 
 
 def ageing_of(
-    ways: Passes,
+    passes: Passes,
     scatters: Sequence[Scatter],
     names: Sequence[str],
     sides: tuple[int, int] | None,
@@ -85,12 +85,12 @@ def ageing_of(
 
     Parameters
     ----------
-    ways
+    passes
         Half-cycles of all used cycles, in order.
     scatters
         Scatter of the readings in each of these cycles.
     names, sides
-        Receiver names, and the positions of the left and right receivers in this list.
+        Receiver names, and the indices of the left and right receivers in this list.
     every
         Number of cycles in a group.
 
@@ -99,33 +99,28 @@ def ageing_of(
     DataError
         If there are fewer than three groups.
     """
-    groups = ways.cycles // every
+    groups = passes.cycles // every
     if groups < MIN_GROUPS:
-        limit = f"makes {groups} groups of {ways.cycles} cycles, but at least {MIN_GROUPS} groups are needed"
+        limit = f"makes {groups} groups of {passes.cycles} cycles, but at least {MIN_GROUPS} groups are needed"
         raise DataError("--every", value=every, limit=limit, remedy="use fewer cycles per group")
-    volts = np.where(ways.clipped, np.nan, ways.volts).mean(axis=1)
+    volts = np.where(passes.clipped, np.nan, passes.volts).mean(axis=1)
     middle: FloatArray = np.asarray(every * (np.arange(groups) + 0.5), np.float64)
-    begins = range(0, groups * every, every)
-    noise = np.array([pooled_noise(scatters[begin : begin + every]) for begin in begins])
+    slices = [slice(begin, begin + every) for begin in range(0, groups * every, every)]
+    noise = np.array([pooled_noise(scatters[group]) for group in slices])
     receivers = {}
-    for place, name in enumerate(names):
-        rows = [volts[begin : begin + every, :, place] for begin in begins]
-        swings, levels = ([of(row) for row in rows] for of in (lambda one: swing(ways.angle_deg, one), _level))
+    for index, name in enumerate(names):
+        rows = [volts[group, :, index] for group in slices]
+        swings, means = [swing(passes.angle_deg, row) for row in rows], [over_cycles(levels(row)) for row in rows]
         receivers[name] = ReceiverAgeing(
-            *_columns(swings), *_columns(levels), noise[:, place], *_slope(middle, swings), *_slope(middle, levels)
+            *_columns(swings), *_columns(means), noise[:, index], *_slope(middle, swings), *_slope(middle, means)
         )
-    nulls = [Estimate(np.nan, np.nan)] * groups
+    balances = [Estimate(np.nan, np.nan)] * groups
     if sides is not None:
-        apart = volts[..., sides[0]] - volts[..., sides[1]]
-        each = np.array([crossing(ways.angle_deg, row) for row in apart])
-        nulls = [over_cycles(each[begin : begin + every]) for begin in begins]
+        difference = volts[..., sides[0]] - volts[..., sides[1]]
+        crossings = np.array([crossing(passes.angle_deg, row) for row in difference])
+        balances = [over_cycles(crossings[group]) for group in slices]
     first = 1 + every * np.arange(groups)
-    return Ageing(first, receivers, *_columns(nulls), *_slope(middle, nulls))
-
-
-def _level(rows: FloatArray) -> Estimate:
-    held = np.isfinite(rows).all(axis=0)
-    return over_cycles(rows[:, held].mean(axis=1)) if held.any() else Estimate(np.nan, np.nan)
+    return Ageing(first, receivers, *_columns(balances), *_slope(middle, balances))
 
 
 def _columns(values: Sequence[Estimate]) -> tuple[FloatArray, FloatArray]:

@@ -1,22 +1,22 @@
 """Alignment of a stage log with the recorder's clock: offset, rate, and their uncertainties.
 
-The voltage of a receiver is a function of the angle, whatever that function is. If the log is shifted in time against
-the voltages, rising and falling ramps give two different curves. The shift is found approximately by cross-correlation
-and then refined by least squares: with the mean curve f, a shift by δ changes the voltage by f'(θ) θ' δ, which has
-opposite signs in the two directions, so f and δ can be separated. Each cycle gives an independent shift. A straight
-line through the shifts over time gives the lag and the rate of the clock; the residuals give their uncertainties.
+The voltage of a receiver is some function f of the angle. If the log is shifted in time relative to the voltages, the
+rising and falling ramps give two different curves. The shift is estimated by cross-correlation and then refined by
+least squares: a shift δ changes the voltage by f'(θ) θ' δ, which has opposite signs in the two directions, so that f
+and δ can be separated. Each cycle gives an independent shift. A straight line fitted to the shifts over time gives the
+lag and the rate of the clock; the residuals give their uncertainties.
 
-A log has few entries, and a ramp begins and ends between two entries, where linear interpolation would cut the corner.
-The corner is placed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); the
+A log has few entries, and a ramp begins and ends between two of them, where linear interpolation would cut the corner.
+The corner is assumed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); the
 times around it are not used to determine the lag.
 
-Errors common to all cycles do not show in the scatter of the cycles. The encoder step is therefore added to the
-uncertainty; and if lags fitted to parts of the range differ more than those of the cycles, the scatter between the
-parts is used instead.
+Errors common to all cycles do not show in the scatter of the cycles. The uncertainty due to the encoder step is
+therefore added; and if the lags fitted to parts of the range scatter more than those of the cycles, their scatter is
+used instead.
 
-A hysteresis that does not depend on speed has the same effect: on ramps at a single speed v, a lag δ makes the two
-directions differ by f' v δ. A log recorded with a different clock therefore cannot show the hysteresis of a sensor; a
-warning says so.
+A hysteresis that does not depend on speed has the same effect as a lag: on ramps at a single speed v, a lag δ makes the
+two directions differ by 2 f' v δ. The hysteresis of a sensor can therefore not be determined with a log on a different
+clock; a warning reports this.
 
 `align` returns an `Alignment`, whose `angle_deg` is the logged angle at the recorder's times.
 """
@@ -36,18 +36,19 @@ from solen.ranks import Caution, warning
 from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
-_CELLS = 512
-_PIECES, _BEAR = 32, 2.5  # largest number of pieces of a mean curve, and cells with samples of each direction per piece
-_NOISES, _STEPS = 25.0, 5.0  # movement over which a speed is measured, in units of noise and of steps
-_ALIKE, _FINER = 0.02, 12  # tolerance of levels, in steps; most steps in the smallest difference of levels
+_BINS = 512
+_MAX_PIECES, _BINS_PER_PIECE = 32, 2.5  # pieces of a mean curve, each with this many bins sampled in both directions
+_SPEED_NOISES, _SPEED_STEPS = 25.0, 5.0  # movement over which a speed is measured, in units of noise and of steps
+_TOLERANCE = 0.02  # largest deviation of a level from a multiple of the encoder step, in steps
+_MAX_DIVISOR = 12  # most encoder steps in the smallest difference of two levels
 _PARTS = 8  # number of parts of the range for which separate lags are fitted
-_ROUNDS = 12
-_SLOW = 0.15  # smallest speed of a motion, relative to the usual speed
+_MAX_ITERATIONS = 12
+_MIN_SPEED = 0.15  # smallest speed of a motion, relative to the median speed
 _MIN_CORRELATION = 0.3
-_RIVAL = 0.97  # ratio to the highest correlation above which another shift is also possible
-_AGREE_S = 1.0  # clocks that differ by less were synchronised
+_MIN_RIVAL = 0.97  # ratio to the highest correlation above which another shift is also possible
+_SYNCHRONISED_S = 1.0  # clocks that differ by less were synchronised
 _MAX_GRID_POINTS = 1 << 20
-_INNER = 0.05  # fraction of the range at each end in which the slope of a curve is uncertain
+_MARGIN = 0.05  # fraction of the range at each end in which the slope of a curve is uncertain
 
 
 class Alignment(Result):
@@ -59,8 +60,7 @@ class Alignment(Result):
         Log time minus recorder time at the midpoint of the recording, and its standard uncertainty (NaN for fewer than
         three cycles).
     rate_ppm, u_rate_ppm
-        How much faster the log's clock runs; 0 if the difference is not resolved (less than three standard
-        uncertainties).
+        Relative excess of the log clock's rate; 0 if it is not resolved (less than three standard uncertainties).
     angle_deg
         Angle at the recorder's times, NaN outside the log, (n,).
     warnings
@@ -103,33 +103,33 @@ def align(
     """
     motion = find_motion(log_s, log_deg, stimulus)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)
-    laid = _Laid(time_s, volts, log_s, logged_angle(log_s, log_deg, motion), motion, window_s)
+    overlay = _Overlay(time_s, volts, log_s, logged_angle(log_s, log_deg, motion), motion, window_s)
     lag, rate = coarse, 0.0
-    for _ in range(_ROUNDS):
-        shifts = laid.shifts(lag, rate)
-        if not shifts.when.size:
+    for _ in range(_MAX_ITERATIONS):
+        shifts = overlay.shifts(lag, rate)
+        if not shifts.time_s.size:
             limit = "covers no complete cycle of the recording"
             raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
         lag += shifts.mean
         if abs(shifts.mean) < 1e-7:
             break
-    u_lag, slope, u_slope = shifts.line(laid.middle_s)
+    u_lag, slope, u_slope = shifts.line(overlay.middle_s)
     if math.isfinite(u_slope) and abs(slope) > 3.0 * u_slope:
         rate = slope
         for _ in range(3):
-            shifts = laid.shifts(lag, rate)
+            shifts = overlay.shifts(lag, rate)
             lag += shifts.mean
-            rate += shifts.line(laid.middle_s)[1]
-        u_lag, _, u_slope = shifts.line(laid.middle_s)
-    shown = laid.angle_deg(lag, rate, window_s)
+            rate += shifts.line(overlay.middle_s)[1]
+        u_lag, _, u_slope = shifts.line(overlay.middle_s)
+    angle_deg = overlay.angle_deg(lag, rate, window_s)
     u_lag = math.hypot(max(u_lag, shifts.u_parts), _u_of_steps(log_s, log_deg, motion))
-    speed = f"{1e-3 * motion.speed_deg_per_s:.2g}{stimulus.sign}"
-    words = _warnings(lag, u_lag, rivals, speed, time_s, shown)
-    return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
+    per_ms = f"{1e-3 * motion.speed_deg_per_s:.2g}{stimulus.sign}"
+    warnings = _warnings(lag, u_lag, rivals, per_ms, angle_deg)
+    return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, angle_deg, warnings)
 
 
 def principal(volts: FloatArray) -> FloatArray:
-    """First principal component of the receiver voltages, each scaled by its standard deviation, (n,)."""
+    """Return the first principal component of the receiver voltages, each scaled by its standard deviation, (n,)."""
     centred = volts - np.median(volts, axis=0)
     spread = centred.std(axis=0)
     scaled = centred / np.where(spread > 0.0, spread, 1.0)
@@ -144,23 +144,22 @@ def _coarse(
     spans = float(np.ptp(time_s)), float(np.ptp(log_s))
     steps = [float(np.median(np.diff(times))) for times in (time_s, log_s)]
     even_s = max(*steps, max(spans) / _MAX_GRID_POINTS, 1e-6)
-    ours = np.interp(np.arange(time_s[0], time_s[-1], even_s), time_s, signal)
-    theirs = np.interp(np.arange(log_s[0], log_s[-1], even_s), log_s, log_deg)
-    ours, theirs = ours - ours.mean(), theirs - theirs.mean()
-    found = fftconvolve(theirs, ours[::-1])
-    norm = math.sqrt(float(ours @ ours) * float(theirs @ theirs))
-    height = np.abs(found) / norm if norm > 0.0 else np.zeros(found.size)
-    best = int(np.argmax(height))
-    overlap = math.sqrt(max(spans) / min(spans))
-    if height[best] * overlap < _MIN_CORRELATION:
-        limit = f"does not match the voltages (the best correlation is {height[best]:.2f})"
+    recorded = np.interp(np.arange(time_s[0], time_s[-1], even_s), time_s, signal)
+    logged = np.interp(np.arange(log_s[0], log_s[-1], even_s), log_s, log_deg)
+    recorded, logged = recorded - recorded.mean(), logged - logged.mean()
+    products = fftconvolve(logged, recorded[::-1])
+    norm = math.sqrt(float(recorded @ recorded) * float(logged @ logged))
+    correlation = np.abs(products) / norm if norm > 0.0 else np.zeros(products.size)
+    best = int(np.argmax(correlation))
+    if correlation[best] * math.sqrt(max(spans) / min(spans)) < _MIN_CORRELATION:
+        limit = f"does not match the voltages (the best correlation is {correlation[best]:.2f})"
         raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
-    lags = (np.arange(found.size) - (ours.size - 1)) * even_s + log_s[0] - time_s[0]
-    peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
-    others = [int(n) for n in peaks if height[n] > _RIVAL * height[best] and abs(n - best) > 2]
+    lags = (np.arange(products.size) - (recorded.size - 1)) * even_s + log_s[0] - time_s[0]
+    peaks = np.flatnonzero((correlation[1:-1] > correlation[:-2]) & (correlation[1:-1] >= correlation[2:])) + 1
+    others = [int(n) for n in peaks if correlation[n] > _MIN_RIVAL * correlation[best] and abs(n - best) > 2]
     nearest = min([best, *others], key=lambda n: abs(float(lags[n])))
-    # clocks that nearly agree do not differ by whole cycles of a periodic motion
-    if abs(float(lags[nearest])) < _AGREE_S:
+    # synchronised clocks do not differ by complete cycles of a periodic motion
+    if abs(float(lags[nearest])) < _SYNCHRONISED_S:
         best, others = nearest, [best, *others]
     rivals = [float(lags[n]) for n in others if n != best]
     return float(lags[best]), tuple(sorted(rivals, key=lambda lag: abs(lag - float(lags[best])))[:1])
@@ -173,7 +172,7 @@ class _Shifts:
     ``u_parts`` is the uncertainty of a common shift, from the differences between shifts fitted to parts of the range.
     """
 
-    when: FloatArray
+    time_s: FloatArray
     shift: FloatArray
     weight: FloatArray
     u_parts: float
@@ -183,13 +182,13 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Standard uncertainty of the line's level at the midpoint, slope, and standard uncertainty of the slope."""
-        return _line(self.when - middle_s, self.shift, self.weight)
+        """Return the standard uncertainty of the shift at the midpoint, the slope, and its standard uncertainty."""
+        return _line(self.time_s - middle_s, self.shift, self.weight)
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
-    """A recording aligned with a log: sample times, voltages and averaging times, log times, angles and motion."""
+class _Overlay:
+    """A recording and a log: sample times, voltages and averaging time; log times, logged angle and its motion."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -204,190 +203,202 @@ class _Laid:
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
 
     def log_times(self, lag: float, rate: float) -> FloatArray:
-        """Recording times on the log's clock, (n,)."""
+        """Return the recording times on the log's clock, (n,)."""
         return np.asarray(self.time_s + lag + rate * (self.time_s - self.middle_s))
 
     def angle_deg(self, lag: float, rate: float, window_s: float = 0.0) -> FloatArray:
-        """Logged angle at the recording times, (n,)."""
+        """Return the logged angle at the recording times, (n,)."""
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Best-fitting shift of each cycle, in addition to the clock's shift."""
-        motion, when = self.motion, self.log_times(lag, rate)
-        angle, speed = self.log.at(when), self._speed(when)
+        """Return the best-fitting shift of each cycle, in addition to the clock's shift."""
+        motion, log_s = self.motion, self.log_times(lag, rate)
+        angle, speed = self.log.at(log_s), self._speed(log_s)
         reach = motion.high_deg - motion.low_deg
-        inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _INNER) * reach
-        moving = inner & (np.abs(speed) > _SLOW * motion.speed_deg_per_s)
-        steady = moving & ~self.log.on_corner(when, self.window_s)
+        inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _MARGIN) * reach
+        moving = inner & (np.abs(speed) > _MIN_SPEED * motion.speed_deg_per_s)
+        steady = moving & ~self.log.on_corner(log_s, self.window_s)
         moving = steady if steady.sum() > 0.3 * moving.sum() else moving
-        rest, change = _linearised(angle, speed, self.volts, moving, motion)
-        edges = np.array([[cycle.start_s, cycle.end_s] for cycle in motion.cycles])
-        used = np.zeros(when.size, dtype=bool)
-        found = []
-        for start, end in edges:
-            part = np.flatnonzero(moving & (when >= start) & (when < end))
-            weight = float((change[part] ** 2).sum())
-            if part.size >= 8 and weight > 0.0:
-                used[part] = True
-                found.append((0.5 * (start + end) - lag, float((rest[part] * change[part]).sum()) / weight, weight))
-        columns = np.array(found).reshape(-1, 3)
-        place = np.clip((_PARTS * (angle[used] - motion.low_deg) / reach).astype(int), 0, _PARTS - 1)
-        u_parts = _u_of_parts(place, rest[used], change[used])
+        residual, change = _linearised(angle, speed, self.volts, moving, motion)
+        used = np.zeros(log_s.size, dtype=bool)
+        rows = []
+        for cycle in motion.cycles:
+            samples = np.flatnonzero(moving & (log_s >= cycle.start_s) & (log_s < cycle.end_s))
+            weight = float((change[samples] ** 2).sum())
+            if samples.size >= 8 and weight > 0.0:
+                used[samples] = True
+                shift = float((residual[samples] * change[samples]).sum()) / weight
+                rows.append((0.5 * (cycle.start_s + cycle.end_s) - lag, shift, weight))
+        columns = np.array(rows).reshape(-1, 3)
+        part = np.clip((_PARTS * (angle[used] - motion.low_deg) / reach).astype(int), 0, _PARTS - 1)
+        u_parts = _u_of_parts(part, residual[used], change[used])
         return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
 
-    def _speed(self, when: FloatArray) -> FloatArray:
-        """Speed from the log, over an interval long against noise and steps but at most a tenth of a ramp."""
+    def _speed(self, log_s: FloatArray) -> FloatArray:
+        """Return the speed at log times.
+
+        It is measured over an interval that is long compared with noise and steps, but at most a tenth of a ramp.
+        """
         motion = self.motion
-        fastest = motion.speed_deg_per_s
-        far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
-        wanted = max(float(np.median(np.diff(self.log_s))), far / fastest)
-        half = min(wanted, 0.1 * (motion.high_deg - motion.low_deg) / fastest)
-        return np.asarray((self.log.at(when + half) - self.log.at(when - half)) / (2.0 * half))
+        speed = motion.speed_deg_per_s
+        distance = max(_SPEED_NOISES * motion.noise_deg, _SPEED_STEPS * motion.step_deg)
+        ideal = max(float(np.median(np.diff(self.log_s))), distance / speed)
+        half = min(ideal, 0.1 * (motion.high_deg - motion.low_deg) / speed)
+        return np.asarray((self.log.at(log_s + half) - self.log.at(log_s - half)) / (2.0 * half))
 
 
-def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
-    """Uncertainty of a lag, from the scatter of the lags fitted to parts of each receiver's range."""
-    top, weight = (
-        np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
+def _u_of_parts(part: IntArray, residual: FloatArray, change: FloatArray) -> float:
+    """Return the uncertainty of a lag, from the scatter of the lags fitted to parts of each receiver's range."""
+    product, weight = (
+        np.concatenate([np.bincount(part, column, _PARTS) for column in columns.T])
+        for columns in (residual * change, change**2)
     )
-    held = weight > 1e-6 * weight.sum()
-    top, weight = top[held], weight[held]
+    used = weight > 1e-6 * weight.sum()
+    product, weight = product[used], weight[used]
     if weight.size < 3:
         return 0.0
-    apart = top / weight - top.sum() / weight.sum()
-    return math.sqrt(float(weight @ apart**2) / (weight.size - 1) / float(weight.sum()))
+    deviation = product / weight - product.sum() / weight.sum()
+    return math.sqrt(float(weight @ deviation**2) / (weight.size - 1) / float(weight.sum()))
 
 
 def _linearised(
     angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: BoolArray, motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
-    """Voltages minus the mean curve, and their time-shift derivative, orthogonal to changes of that curve.
+    """Return the voltages minus the mean curve, and their derivative with respect to a time shift.
 
-    Both are divided by the scatter of each receiver. The curve is a cubic spline fitted by least squares. Part of the
-    effect of a shift looks like a change of the curve; this part is projected out (Frisch and Waugh).
+    Both are divided by the scatter of each receiver. The curve is a cubic spline fitted by least squares. The part of
+    the derivative that a change of the curve can also produce is projected out (Frisch and Waugh).
     """
-    rest, change = np.zeros(volts.shape), np.zeros(volts.shape)
-    here, fast = angle[moving], speed[moving]
-    pieces = _pieces(here, fast, motion)
+    residual, change = np.zeros(volts.shape), np.zeros(volts.shape)
+    used_deg, used_speed = angle[moving], speed[moving]
+    pieces = _pieces(used_deg, used_speed, motion)
     if not pieces:
-        return rest, change
-    cells = _Cells(here, motion, pieces)
-    for place in range(volts.shape[1]):
-        ours = volts[moving, place]
-        curve = cells.curve(ours)
-        apart = ours - curve(here)
-        turned = curve.derivative()(here) * fast
-        scale = float(apart.std()) or 1.0
-        rest[moving, place] = apart / scale
-        change[moving, place] = (turned - cells.curve(turned)(here)) / scale
-    return rest, change
+        return residual, change
+    bins = _Bins(used_deg, motion, pieces)
+    for receiver in range(volts.shape[1]):
+        used_V = volts[moving, receiver]
+        curve = bins.curve(used_V)
+        deviation = used_V - curve(used_deg)
+        derivative = curve.derivative()(used_deg) * used_speed
+        scale = float(deviation.std()) or 1.0
+        residual[moving, receiver] = deviation / scale
+        change[moving, receiver] = (derivative - bins.curve(derivative)(used_deg)) / scale
+    return residual, change
+
+
+def _bins(angle: FloatArray, motion: Motion) -> IntArray:
+    """Return the index of the narrow bin that contains each angle."""
+    fraction = (angle - motion.low_deg) / (motion.high_deg - motion.low_deg)
+    return np.asarray(np.clip((fraction * _BINS).astype(int), 0, _BINS - 1))
 
 
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
-    """Number of mean-curve segments that samples of both directions support; 0 if there are too few samples.
+    """Return the number of pieces of a mean curve that the samples of both directions support; 0 with too few samples.
 
-    With more segments, a curve could follow both directions if these were sampled at a few different angles each.
+    If both directions were sampled at only a few angles each, a curve with more pieces could follow both of them.
     """
-    low, reach = motion.low_deg, motion.high_deg - motion.low_deg
-    cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
-    held = min(np.unique(cell[way]).size for way in (speed > 0.0, speed < 0.0))
-    return 0 if held < 5 else int(np.clip(held / _BEAR, 2, _PIECES))
+    index = _bins(angle, motion)
+    count = min(np.unique(index[direction]).size for direction in (speed > 0.0, speed < 0.0))
+    return 0 if count < 5 else int(np.clip(count / _BINS_PER_PIECE, 2, _MAX_PIECES))
 
 
-class _Cells:
-    """Angles sorted into narrow bins; a curve through many samples is fitted to the bin means."""
+class _Bins:
+    """Samples sorted by angle into narrow bins; a curve is fitted to the bin means."""
 
     def __init__(self, angle: FloatArray, motion: Motion, pieces: int) -> None:
-        low, reach = motion.low_deg, motion.high_deg - motion.low_deg
-        self._cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
-        count = np.bincount(self._cell, minlength=_CELLS)
-        self._held = np.flatnonzero(count)
-        self._count = count[self._held]
-        self._angle = np.bincount(self._cell, angle, _CELLS)[self._held] / self._count
-        inside = np.interp(np.linspace(0.0, 1.0, pieces + 1)[1:-1], np.linspace(0.0, 1.0, self._held.size), self._angle)
-        ends = self._angle[[0, -1]]
-        self._knots = np.concatenate([np.repeat(ends[0], 4), inside, np.repeat(ends[1], 4)])
+        self._index = _bins(angle, motion)
+        count = np.bincount(self._index, minlength=_BINS)
+        self._occupied = np.flatnonzero(count)
+        self._count = count[self._occupied]
+        self._angle = self._means(angle)
+        positions = np.linspace(0.0, 1.0, self._occupied.size)
+        inside = np.interp(np.linspace(0.0, 1.0, pieces + 1)[1:-1], positions, self._angle)
+        first, last = self._angle[[0, -1]]
+        self._knots = np.concatenate([np.repeat(first, 4), inside, np.repeat(last, 4)])
+
+    def _means(self, values: FloatArray) -> FloatArray:
+        return np.bincount(self._index, values, _BINS)[self._occupied] / self._count
 
     def curve(self, values: FloatArray) -> BSpline:
-        """Cubic spline fitted to the bin means by least squares."""
-        means = np.bincount(self._cell, values, _CELLS)[self._held] / self._count
-        return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
+        """Return the cubic spline fitted to the bin means by least squares."""
+        return make_lsq_spline(self._angle, self._means(values), self._knots, 3, w=np.sqrt(self._count))
 
 
-def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Encoder step, of which all levels are multiples; 0 if there is none.
+def _encoder_step(log_deg: FloatArray, motion: Motion) -> float:
+    """Return the encoder step, of which all levels are multiples, or 0 if there is none.
 
-    If every level in a ramp follows directly after the previous level, a noise-free angle may have been sampled in step
-    with its motion. The step is then one unit of the last decimal place, to which the angle may have been rounded.
+    If all entries in the ramps are exactly one such step apart, a noise-free angle may have been sampled at a constant
+    speed without an encoder. The step is then one unit of the last decimal place, to which the angle may be rounded.
     """
     step = _common_step(np.unique(log_deg) - log_deg.min())
     if not step:
         return 0.0
-    each = [np.abs(np.diff(log_deg[ramp.start + 1 : ramp.stop - 1])) / step for ramp in motion.ramps]
-    return step if (np.abs(np.concatenate(each) - 1.0) > _ALIKE).any() else _last_decimal(log_deg)
+    steps = np.concatenate([np.abs(np.diff(log_deg[ramp.start + 1 : ramp.stop - 1])) for ramp in motion.ramps]) / step
+    return step if (np.abs(steps - 1.0) > _TOLERANCE).any() else _last_decimal(log_deg)
 
 
 def _last_decimal(values: FloatArray) -> float:
-    """Unit of the last decimal place: 0.01 for values with two decimals, and so on; 0 for more than six decimals."""
+    """Return one unit of the last decimal place, e.g. 0.01 for two decimals; 0 for more than six decimals."""
     for decimals in range(7):
-        if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _ALIKE * 1e-3:
+        if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _TOLERANCE * 1e-3:
             return float(10.0**-decimals)
     return 0.0
 
 
 def _common_step(levels: FloatArray) -> float:
-    """Largest step of which all levels, ascending from 0, are multiples; 0 if there is none."""
+    """Return the largest step of which all levels, ascending from 0, are multiples, or 0 if there is none."""
     steps = np.diff(levels)
-    finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
-    for part in range(1, _FINER + 1):
-        counted = levels * (part / finest)
-        if np.abs(counted - np.round(counted)).max() < _ALIKE:
-            return finest / part
+    smallest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
+    for divisor in range(1, _MAX_DIVISOR + 1):
+        multiples = levels * (divisor / smallest)
+        if np.abs(multiples - np.round(multiples)).max() < _TOLERANCE:
+            return smallest / divisor
     return 0.0
 
 
 def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
-    """Uncertainty of a lag due to the encoder steps, which may affect all ramps alike.
+    """Return the uncertainty of a lag due to the encoder steps, which may affect all ramps alike.
 
-    Log entries less than half a step apart sample every step at many positions, and their rounding errors average like
-    independent errors. Entries farther apart may all have the same rounding error, with standard uncertainty step/√12.
+    If log entries are less than half a step apart, they sample every step at many positions, and the rounding errors
+    of different steps are independent. Otherwise all entries may have the same rounding error, with a standard
+    uncertainty of step/√12.
     """
-    step = _step_of_encoder(log_deg, motion)
+    step = _encoder_step(log_deg, motion)
     if not step:
         return 0.0
-    far = motion.speed_deg_per_s * float(np.median(np.diff(log_s)))
-    passed = (motion.high_deg - motion.low_deg) / step if far < 0.5 * step else 1.0
-    return step / math.sqrt(12.0 * passed) / motion.speed_deg_per_s
+    interval_deg = motion.speed_deg_per_s * float(np.median(np.diff(log_s)))
+    independent = (motion.high_deg - motion.low_deg) / step if interval_deg < 0.5 * step else 1.0
+    return step / math.sqrt(12.0 * independent) / motion.speed_deg_per_s
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Uncertainty of the level at x = 0, slope, and uncertainty of the slope of a weighted straight line (n − 2)."""
+    """Return the uncertainty of a weighted straight line (n − 2) at x = 0, its slope, and the slope's uncertainty."""
     if x.size < 3:
         return math.nan, 0.0, math.nan
     w = weights / weights.sum()
     centre = float(w @ x)
-    away = x - centre
-    spread = float(w @ away**2)
-    slope = float(w @ (away * y)) / spread
-    rest = y - float(w @ y) - slope * away
-    variance = float(w @ rest**2) / (x.size - 2)
+    centred = x - centre
+    spread = float(w @ centred**2)
+    slope = float(w @ (centred * y)) / spread
+    residual = y - float(w @ y) - slope * centred
+    variance = float(w @ residual**2) / (x.size - 2)
     return math.sqrt(variance * (1.0 + centre**2 / spread)), slope, math.sqrt(variance / spread)
 
 
 def _warnings(
-    lag: float, u_lag: float, rivals: tuple[float, ...], speed: str, time_s: FloatArray, shown: FloatArray
+    lag: float, u_lag: float, rivals: tuple[float, ...], per_ms: str, angle_deg: FloatArray
 ) -> tuple[Caution, ...]:
-    known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
-    found = (
-        f"the log's clock is {lag:.6g}{known} s ahead, as determined from the voltages: at a single "
-        f"speed, hysteresis and lag cannot be distinguished (1 ms corresponds to {speed}), so the "
-        "reported hysteresis is only the part that no lag explains"
+    u = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
+    lead = (
+        f"the log's clock is {lag:.6g}{u} s ahead, as determined from the voltages: at a single speed, hysteresis and "
+        f"lag cannot be distinguished (1 ms corresponds to {per_ms}), so the reported hysteresis is only the part that "
+        "no lag explains"
     )
-    warnings = [warning(found)]
+    warnings = [warning(lead)]
     if rivals:
-        again = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, because the motion is periodic"
-        warnings.append(warning(again))
-    missing = int(np.isnan(shown).sum())
+        rival = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, because the motion is periodic"
+        warnings.append(warning(rival))
+    missing = int(np.isnan(angle_deg).sum())
     if missing:
-        warnings.append(warning(f"{missing} of {time_s.size} samples are outside the log and are omitted"))
+        warnings.append(warning(f"{missing} of {angle_deg.size} samples are outside the log and are omitted"))
     return tuple(warnings)

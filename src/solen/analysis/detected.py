@@ -1,11 +1,13 @@
-"""Choices that `study` makes automatically: the stage log next to a recording, and the full command.
+"""Settings that `study` detects: the stage log next to a recording, and the command that specifies every setting.
 
-A data acquisition program often records no angle, while the stage program writes its log to the same folder: a small
-table of times and angles without voltages. The alignment with the voltages shows whether it belongs to the same test.
+A data acquisition program often records no angle, while the program of the stage writes a log to the same folder: a
+small table of times and angles without voltages. Its alignment with the voltages shows whether both are of the same
+test.
 
 Public names: `find_log`, `explicit` and `command`.
 """
 
+import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -29,23 +31,22 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     DataError
         If several files could be the log.
     """
-    taken = {path.resolve(), *(other.resolve() for other in others)}
-    near = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in _SUFFIXES]
-    small = [
-        one for one in near if one.resolve() not in taken and one.is_file() and one.stat().st_size <= MAX_LOG_BYTES
-    ]
-    named = [one for one in small if path.stem.casefold() in one.stem.casefold()]
-    logs = [one for one in (*named, *(one for one in small if one not in named))[:MAX_LOGS] if _is_log(one)]
-    named = [log for log in logs if log in named]
-    if len(named or logs) > 1:
-        names = ", ".join(one.name for one in named or logs)
+    recordings = {path.resolve(), *(other.resolve() for other in others)}
+    tables = [file for file in sorted(path.parent.iterdir()) if file.suffix.lower() in _SUFFIXES and file.is_file()]
+    tables = [table for table in tables if table.resolve() not in recordings and table.stat().st_size <= MAX_LOG_BYTES]
+    namesakes = {table for table in tables if path.stem.casefold() in table.stem.casefold()}
+    tables.sort(key=lambda table: table not in namesakes)
+    logs = [table for table in tables[:MAX_LOGS] if _is_log(table)]
+    logs = [log for log in logs if log in namesakes] or logs
+    if len(logs) > 1:
+        names = ", ".join(log.name for log in logs)
         limit = f"has no angle, and several files next to it could be the stage log: {names}"
         raise DataError(path.name, limit=limit, remedy="name one with --angle-file")
-    return next(iter(named or logs), None)
+    return next(iter(logs), None)
 
 
 def _is_log(path: Path) -> bool:
-    """Whether a file is a table of times and angles without voltages."""
+    """Return whether a file is a table of times and angles without voltages."""
     try:
         recording = read(path)
         time, angle = column_of(recording, "time"), column_of(recording, "angle")
@@ -61,30 +62,26 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Options equivalent to the detected settings; None if these differ between recordings."""
+    """Return the options equivalent to the detected settings, or None if these differ between recordings."""
     if logs:
-        one = tuple(dict.fromkeys(logs))
-        options = options.model_copy(update={"angle_file": one if len(one) == 1 else tuple(logs)})
-    found = list(switching.values())
-    if not found:
+        distinct = tuple(dict.fromkeys(logs))
+        options = options.model_copy(update={"angle_file": distinct if len(distinct) == 1 else tuple(logs)})
+    if not switching:
         return options
-    limits = [limit_V for state in found for limit_V in state.limits_V.values()]
-    ends = [{end for end in side if end is not None} for side in zip(*limits, strict=True)]
-    same = {(one.on_off_hz, one.on, one.mains_hz or 0.0) for one in found}
-    if len(same) > 1:
+    settings = {(state.on_off_hz, state.on, state.mains_hz or 0.0) for state in switching.values()}
+    if len(settings) > 1:
         return None
-    rate_hz, on, mains_hz = same.pop()
-    stated: dict[str, object] = {"on_off_hz": rate_hz, "on": on, "mains_hz": mains_hz}
-    if any(ends) and max(map(len, ends)) == 1:
-        low, high = (
-            min(end, default=default) for end, default in zip(ends, (-float("inf"), float("inf")), strict=True)
-        )
-        stated["rails"] = (low, high)
-    return options.model_copy(update=stated)
+    rate_hz, on, mains_hz = settings.pop()
+    update: dict[str, object] = {"on_off_hz": rate_hz, "on": on, "mains_hz": mains_hz}
+    limits = [limit_V for state in switching.values() for limit_V in state.limits_V.values()]
+    low, high = ({limit for limit in side if limit is not None} for side in zip(*limits, strict=True))
+    if max(len(low), len(high)) == 1:
+        update["rails"] = (min(low, default=-math.inf), min(high, default=math.inf))
+    return options.model_copy(update=update)
 
 
 def command(files: Sequence[Path], options: AnalysisOptions) -> str:
-    """Command line with all options, including the detected settings."""
+    """Return the command line that specifies all options, including the detected settings."""
     words = ["solen", "bench", "analyse", *map(str, files)]
     for name, field in type(options).model_fields.items():
         value = getattr(options, name)
@@ -92,7 +89,7 @@ def command(files: Sequence[Path], options: AnalysisOptions) -> str:
             continue
         words.append(f"--{name.replace('_', '-')}")
         if value is not True:
-            words += [_text(one) for one in (value if isinstance(value, tuple) else (value,))]
+            words += [_text(item) for item in (value if isinstance(value, tuple) else (value,))]
     return " ".join(word if word.startswith("--") else shlex.quote(word) for word in words)
 
 

@@ -1,9 +1,9 @@
 """A load cell, which converts volts to newtons, with the errors specified by its manufacturer or a calibration.
 
-One factor applies over its entire range. Two errors are common to all readings: the error of this factor and the
-non-linearity. They affect an entire calibration rather than single readings, so the scatter does not show them; a
-sensitivity and a decoded force include both. Errors that affect both sides of a comparison equally are not included,
-e.g. if forces are compared with readings from the same cell.
+The same factor applies over the entire range. All readings share two errors: that of this factor, and the
+non-linearity. Because these errors affect an entire calibration, they are not visible in the scatter of the readings;
+the uncertainties of a sensitivity and of a decoded force include both. If forces are compared with readings of the same
+cell, the common errors cancel and are not included.
 
 Public names: `LoadCell`, `load_cell_of` and `least_certain`.
 """
@@ -20,7 +20,7 @@ from solen.errors import SpecError
 from solen.files import read_text
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, parse_toml, refused
 
-_RATED = ("mV_per_V", "excitation_V")
+_RATED_KEYS = ("mV_per_V", "excitation_V")
 
 
 class LoadCell(Strict):
@@ -46,12 +46,12 @@ class LoadCell(Strict):
         0.0, description="Non-linearity: largest deviation from a straight line, in per cent of capacity_N."
     )
     zero_V: Number | None = Field(
-        None, description="Voltage without load; default: the mean over the pause at the beginning (tare)."
+        None, description="Voltage without load; default: its mean over the pause at the beginning (tare)."
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        rated = [key for key in (*_RATED, "gain") if getattr(self, key) is not None]
+    def _check_sensitivity(self) -> Self:
+        rated = [key for key in (*_RATED_KEYS, "gain") if getattr(self, key) is not None]
         if (self.N_per_V is None) == (self.mV_per_V is None):
             limit = "must be specified by N_per_V, or by mV_per_V with excitation_V and capacity_N"
             raise refused("", limit, remedy="add N_per_V = 2.0")
@@ -60,49 +60,49 @@ class LoadCell(Strict):
             raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="omit one of the two")
         if self.N_per_V == 0.0:
             raise refused("N_per_V", "must not be 0", value=0.0)
-        needed = [] if self.mV_per_V is None else ["excitation_V", "capacity_N"]
-        needed += ["capacity_N"] if self.nonlinearity_percent else []
-        lacks = next((key for key in needed if getattr(self, key) is None), None)
-        if lacks is not None:
-            because = "mV_per_V" if self.N_per_V is None else "nonlinearity_percent"
-            raise refused(lacks, f"is missing, but {because} requires it")
+        required = [] if self.mV_per_V is None else ["excitation_V", "capacity_N"]
+        required += ["capacity_N"] if self.nonlinearity_percent else []
+        missing = next((key for key in required if getattr(self, key) is None), None)
+        if missing is not None:
+            dependent = "mV_per_V" if self.N_per_V is None else "nonlinearity_percent"
+            raise refused(missing, f"is missing, but {dependent} requires it")
         return self
 
     @property
     def sensitivity_N_per_V(self) -> float:
         """Sensitivity in newtons per volt."""
         if self.mV_per_V is None or self.excitation_V is None or self.capacity_N is None:
-            return self.N_per_V or 0.0  # one of the two is stated
+            return self.N_per_V or 0.0  # always given without mV_per_V
         return self.capacity_N / (1e-3 * self.mV_per_V * self.excitation_V * (self.gain or 1.0))
 
     @property
     def u_line_N(self) -> float:
-        """Standard uncertainty due to non-linearity, assumed to be uniformly distributed up to its maximum."""
+        """Standard uncertainty due to non-linearity, taken as the half-width of a uniform distribution."""
         return 0.01 * self.nonlinearity_percent * (self.capacity_N or 0.0) / math.sqrt(3.0)
 
     @property
     def u_slope(self) -> float | None:
-        """Relative standard uncertainty of a slope against the force; None if that of the scale is not specified.
+        """Relative standard uncertainty of a slope against force; None if that of the sensitivity is not specified.
 
-        A bow of height b, i.e. b·4x(1 − x) with the fraction x of the capacity, changes a slope by at most 4b over the
-        capacity, near either end.
+        A parabolic deviation of height b, i.e. b·4x(1 − x) at a fraction x of the capacity, changes the slope by at
+        most 4b/capacity, at the ends of the range.
         """
         if self.u_sensitivity_percent is None:
             return None
         return math.hypot(0.01 * self.u_sensitivity_percent, 4.0 * self.u_line_N / (self.capacity_N or 1.0))
 
     def force_N(self, volts: FloatArray, zero_V: float) -> FloatArray:
-        """Forces at the specified voltages, of any shape."""
+        """Return the forces at the specified voltages, of any shape."""
         return self.sensitivity_N_per_V * (volts - zero_V)
 
 
 def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """The cell with the largest scale uncertainty; None if there is no cell or if a cell does not specify it."""
+    """Return the cell with the largest or an unknown uncertainty, or None if a cell is not specified."""
     every = list(cells)
-    stated = [cell for cell in every if cell is not None]
-    if not stated or len(stated) < len(every):
+    known = [cell for cell in every if cell is not None]
+    if not known or len(known) < len(every):
         return None
-    return max(stated, key=lambda cell: math.inf if cell.u_slope is None else cell.u_slope)
+    return max(known, key=lambda cell: math.inf if cell.u_slope is None else cell.u_slope)
 
 
 def load_cell_of(path: Path) -> LoadCell:

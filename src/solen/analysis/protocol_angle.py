@@ -1,16 +1,18 @@
-"""Angles for a recording without an angle: cycles detected in the signals and scaled by the commanded protocol.
+"""Angles for a recording without an angle: the commanded protocol, aligned with the cycles of the voltages.
 
-The voltages are periodic with the cycle. The period maximises their autocorrelation, and each cycle begins where they
-correlate best with the protocol: from 0 to +A at constant speed, a hold, back, and the same on the other side. Time in
-excess of the protocol is attributed to rests, half of it at each return to 0. The result is the angle that the stage
-should have had; it was not measured.
+The voltages repeat from cycle to cycle. The period of the cycles maximises their autocorrelation, and each cycle begins
+where they correlate best with the protocol: from 0 to +A at constant speed, a hold, back, and the same on the other
+side. If a cycle is longer than the protocol, the excess is assumed to be rest, half of it at each return to 0. The
+result is the angle that the stage was commanded to take; it was not measured.
 
-A single signal does not show which side is which. With a left and a right receiver the convention does: at negative
-angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is considered positive.
+A single signal does not show which side is positive. With a left and a right receiver, the convention does: at negative
+angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is assumed to be
+positive.
 
 Public names: `angle_by_protocol`, `Protocol` and `ProtocolAngle`.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +26,10 @@ from solen.recording.column_roles import left_right
 
 _MAX_GRID_POINTS = 1 << 20
 _MIN_AUTOCORRELATION = 0.5  # smallest autocorrelation after one cycle
-_MIN_LIKENESS = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
-_CELLS = 40
+_MIN_CORRELATION = 0.7  # smallest correlation of a cycle with the protocol, relative to that of the best cycle
+_BINS = 40
 _MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
-_MAX_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that an angle may not explain
+_MAX_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that the angle may leave unexplained
 _SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 
 
@@ -45,11 +47,11 @@ class Protocol:
         return 4.0 * self.amplitude_deg / self.speed_deg_per_s + 2.0 * self.hold_s
 
     def corners(self, period_s: float, first: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Times and angles of a cycle between which the angle is linear; ``first`` is the sign of the first side."""
+        """Return the times and angles of a cycle at its corners; ``first`` is the sign of the side visited first."""
         ramp, rest = self.amplitude_deg / self.speed_deg_per_s, max(0.0, 0.5 * (period_s - self.shortest_s))
-        took = (0.0, ramp, self.hold_s, ramp, rest, ramp, self.hold_s, ramp)
+        durations = (0.0, ramp, self.hold_s, ramp, rest, ramp, self.hold_s, ramp)
         angles = first * self.amplitude_deg * np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])
-        return np.cumsum(took) * min(1.0, period_s / self.shortest_s), angles
+        return np.cumsum(durations) * min(1.0, period_s / self.shortest_s), angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +67,7 @@ class ProtocolAngle:
 def angle_by_protocol(
     time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol
 ) -> ProtocolAngle:
-    """Protocol angle at the times of recorded signals.
+    """Return the protocol angle at the times of the voltages.
 
     Parameters
     ----------
@@ -79,8 +81,7 @@ def angle_by_protocol(
     Raises
     ------
     DataError
-        If the signals are not periodic, their cycle is shorter than the protocol cycle, or they do not match the
-        protocol.
+        If the voltages are not periodic, repeat faster than the protocol allows, or do not match the protocol.
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -92,67 +93,67 @@ def angle_by_protocol(
     if sides is None:
         even = even * _first_sign(even)
     firsts = (1,) if sides is None else (1, -1)
-    found = {first: _starts(even, even_s, protocol.corners(period, first), period) for first in firsts}
-    first = max(found, key=lambda sign: found[sign].size)
-    starts = found[first] + grid[0]
+    by_sign = {first: _starts(even, even_s, protocol.corners(period, first), period) for first in firsts}
+    first = max(by_sign, key=lambda sign: by_sign[sign].size)
+    starts = by_sign[first] + grid[0]
     angle = _angle(time_s, starts, protocol.corners(period, first))
     inside = (grid >= starts[0]) & (grid < starts[-1] + period)
-    turn = np.searchsorted(starts, grid[inside], side="right")
-    _check_matches(_without_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
-    rest = period - protocol.shortest_s
-    unrecorded = (
-        f"no angle was recorded: cycles of {period:.4g} s were detected in the voltages, and the angle is assumed "
-        f"from the protocol: ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
-        f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are only as good as that assumption"
+    cycle = np.searchsorted(starts, grid[inside], side="right")
+    _check_matches(_without_means(even[inside], cycle), np.interp(grid[inside], time_s, angle), protocol)
+    return ProtocolAngle(angle, period, starts, tuple(_warnings(period, protocol, named=sides is not None)))
+
+
+def _warnings(period: float, protocol: Protocol, *, named: bool) -> Iterator[Caution]:
+    """Yield warnings about the assumptions; ``named`` is whether the names distinguish left from right."""
+    yield warning(
+        f"no angle was recorded: cycles of {period:.4g} s were detected in the voltages, and the angle is assumed to "
+        f"follow the protocol: ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
+        f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are only as good as this assumption"
     )
-    warnings = [warning(unrecorded)]
+    rest = period - protocol.shortest_s
     if rest > _SLACK * period:
-        longer = (
-            f"a cycle is {rest:.3g} s longer than the protocol; half of this time is assumed "
-            "to be a rest at each return to 0"
+        yield warning(
+            f"a cycle is {rest:.3g} s longer than the protocol; half of this time is assumed to be a rest at each "
+            "return to 0"
         )
-        warnings.append(warning(longer))
-    if sides is None:
-        unnamed = (
+    if named:
+        yield note(
+            "the sign of the angle follows the convention (right brighter at negative angles) and was not measured"
+        )
+    else:
+        yield warning(
             "the names do not distinguish a left from a right receiver: the first excursion is assumed to be positive"
         )
-        warnings.append(warning(unnamed))
-    else:
-        warnings.append(
-            note(
-                "the sign of the angle follows the convention (right brighter at negative angles) and was not measured"
-            )
-        )
-    return ProtocolAngle(angle, period, starts, tuple(warnings))
 
 
-def _without_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
-    """A signal minus its mean over each cycle, which removes changes from one cycle to the next."""
-    return np.asarray(signal - (np.bincount(turn, signal) / np.maximum(np.bincount(turn), 1))[turn])
+def _without_means(signal: FloatArray, cycle: IndexArray) -> FloatArray:
+    """Return a signal minus its mean over each cycle, which removes changes from one cycle to the next."""
+    return np.asarray(signal - (np.bincount(cycle, signal) / np.maximum(np.bincount(cycle), 1))[cycle])
 
 
 def _check_matches(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
     """Raise `DataError` if a signal does not follow the protocol angle to within its noise."""
-    edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
-    cell = np.digitize(angle_deg, edges)
-    count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)
-    apart = signal - (np.bincount(cell, signal, _CELLS) / count)[cell]
+    edges = np.linspace(-1.0, 1.0, _BINS + 1)[1:-1] * protocol.amplitude_deg
+    angle_bin = np.digitize(angle_deg, edges)
+    count = np.maximum(np.bincount(angle_bin, minlength=_BINS), 1)
+    residual = signal - (np.bincount(angle_bin, signal, _BINS) / count)[angle_bin]
     noise = float(np.median(np.diff(signal, 2) ** 2)) / (6.0 * _MEDIAN_OF_SQUARES)
-    whole = float(signal.var()) - noise
-    rest = float(apart @ apart) / signal.size - noise
-    if whole > 0.0 and rest > _MAX_UNEXPLAINED * whole:
+    variance = float(signal.var()) - noise
+    unexplained = float(residual @ residual) / signal.size - noise
+    if variance > 0.0 and unexplained > _MAX_UNEXPLAINED * variance:
         limit = (
             f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
-            f"{protocol.hold_s:g} s: that motion does not explain {100.0 * rest / whole:.0f} % of its variance"
+            f"{protocol.hold_s:g} s: this motion leaves {100.0 * unexplained / variance:.0f} % of its variance "
+            "unexplained"
         )
         raise DataError("recording", limit=limit, remedy="specify the stage's --speed-deg-per-s and --hold-s")
 
 
 def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
-    """Time lag, not shorter than the protocol, at which the autocorrelation of a signal is largest."""
-    likeness = fftconvolve(even, even[::-1])[even.size - 1 :]
+    """Return the time lag, not shorter than the protocol, at which the autocorrelation of a signal is largest."""
+    products = fftconvolve(even, even[::-1])[even.size - 1 :]
     lags = np.arange(even.size)
-    share = likeness / likeness[0] * even.size / np.maximum(even.size - lags, 1)
+    correlation = products / products[0] * even.size / np.maximum(even.size - lags, 1)
     first = int((1.0 - _SLACK) * protocol.shortest_s / even_s)
     last = even.size * 2 // 3
     if last - first < 4:
@@ -160,59 +161,60 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
         raise DataError(
             "recording", limit=limit, remedy="record more cycles, or specify --speed-deg-per-s and --hold-s"
         )
-    part = share[first:last]
+    part = correlation[first:last]
     peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
     strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
     if not strong.size or part[strong[0]] < _MIN_AUTOCORRELATION:
         limit = f"is not periodic with a period of {protocol.shortest_s:.3g} s or more"
         remedy = "check the receivers, and --amplitude-deg, --speed-deg-per-s and --hold-s"
         raise DataError("recording", limit=limit, remedy=remedy)
-    place = int(strong[0]) + first
-    return (place + _vertex(share[place - 1 : place + 2])) * even_s
+    peak = int(strong[0]) + first
+    return (peak + _vertex(correlation[peak - 1 : peak + 2])) * even_s
 
 
 def _vertex(three: FloatArray) -> float:
-    """Position of the vertex of the parabola through three neighbours, relative to the central one."""
-    bend = float(three[0] - 2.0 * three[1] + three[2])
-    return 0.5 * float(three[0] - three[2]) / bend if bend else 0.0
+    """Return the position of the vertex of the parabola through three neighbours, relative to the central one."""
+    curvature = float(three[0] - 2.0 * three[1] + three[2])
+    return 0.5 * float(three[0] - three[2]) / curvature if curvature else 0.0
 
 
 def _first_sign(even: FloatArray) -> float:
-    """Sign of the first large excursion."""
+    """Return the sign of the first large excursion."""
     large = np.flatnonzero(np.abs(even) > 0.7 * np.abs(even).max())
     return float(np.sign(even[large[0]]))
 
 
 def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArray], period: float) -> FloatArray:
-    """Start time of each cycle, from its correlation with the protocol."""
+    """Return the start time of each cycle, from its correlation with the protocol."""
     times, angles = corners
     template = np.interp(np.arange(0.0, times[-1], even_s), times, angles)
-    likeness = fftconvolve(even, template[::-1])[template.size - 1 : even.size]
-    if not likeness.size:
+    correlation = fftconvolve(even, template[::-1])[template.size - 1 : even.size]
+    if not correlation.size:
         raise DataError("recording", limit=f"contains no complete cycle of {period:.3g} s", remedy="record more cycles")
-    best = int(np.argmax(likeness))
+    best = int(np.argmax(correlation))
     step = round(period / even_s)
-    found = [best]
+    starts = [best]
     for sign in (-1, 1):
-        place = best
-        while (near := _nearest(likeness, place + sign * step, step // 8)) is not None:
-            if likeness[near] < _MIN_LIKENESS * likeness[best] or near in found:
+        start = best
+        while (neighbour := _nearest(correlation, start + sign * step, step // 8)) is not None:
+            if correlation[neighbour] < _MIN_CORRELATION * correlation[best] or neighbour in starts:
                 break
-            found.append(near)
-            place = near
-    ends = (1, likeness.size - 1)
-    fine = [n + (_vertex(likeness[n - 1 : n + 2]) if ends[0] <= n < ends[1] else 0.0) for n in sorted(found)]
-    return np.array(fine) * even_s
+            starts.append(neighbour)
+            start = neighbour
+    last = correlation.size - 1
+    refined = [n + (_vertex(correlation[n - 1 : n + 2]) if 1 <= n < last else 0.0) for n in sorted(starts)]
+    return np.array(refined) * even_s
 
 
-def _nearest(likeness: FloatArray, place: int, reach: int) -> int | None:
-    low, high = max(0, place - reach), min(likeness.size, place + reach + 1)
-    return low + int(np.argmax(likeness[low:high])) if high - low > reach else None
+def _nearest(correlation: FloatArray, expected: int, reach: int) -> int | None:
+    """Return the index of the largest correlation near an expected index, or None too close to an end."""
+    low, high = max(0, expected - reach), min(correlation.size, expected + reach + 1)
+    return low + int(np.argmax(correlation[low:high])) if high - low > reach else None
 
 
 def _angle(time_s: FloatArray, starts: FloatArray, corners: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Angle over all cycles, with rests between them and at both ends."""
+    """Return the angle over all cycles, with rests between them and at both ends."""
     times, angles = corners
     following = np.append(starts[1:], np.inf)
-    when = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]
-    return np.asarray(np.interp(time_s, np.concatenate(when), np.tile(angles, starts.size)))
+    corners_s = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]
+    return np.asarray(np.interp(time_s, np.concatenate(corners_s), np.tile(angles, starts.size)))

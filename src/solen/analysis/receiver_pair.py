@@ -19,24 +19,25 @@ from solen.ranks import Caution, warning
 from solen.recording.stimulus import NEAR_ZERO_DEG
 from solen.results import Result
 
-_NOTHING_V = 1e-9  # a change below this is rounding
-_ASIDE = 0.05  # smallest fraction of the range on a side that counts as reaching it
+_ROUNDING_V = 1e-9
+_MIN_SIDE = 0.05  # smallest fraction of the range on one side of 0 with which a motion reaches that side
 
 
 class Crosstalk(Result):
-    """Response of the far receiver while the sensor turns from 0 to the end at which the near receiver is brightest.
+    """Response of the far receiver to a rotation from 0 to the end of the range on the side of the near receiver.
 
     Attributes
     ----------
     toward
         Side of the near receiver.
     angle_deg
-        Angle of this end.
+        Angle at the end of the range.
     change_percent, u_change_percent
-        Fall of the far voltage in per cent of the fall of the near voltage. If positive, both receivers brighten; if
-        negative, the far receiver darkens, as it should.
+        Decrease of the far voltage in per cent of the decrease of the near voltage. If positive, both receivers
+        brighten; if negative, the far receiver darkens, as intended.
     light_percent, u_light_percent
-        Far light at this end in per cent of the near light; NaN unless the voltage without light is known.
+        Light at the far receiver in per cent of that at the near receiver, at the end of the range; NaN unless the
+        voltage without light is known.
     """
 
     toward: str
@@ -116,28 +117,28 @@ def pair_response(
         crosstalk=tuple(
             _crosstalk(passes.angle_deg, volts[..., near], volts[..., far], toward, dark_V)
             for near, far, toward in ((right, left, "right"), (left, right, "left"))
-            if _goes(passes.angle_deg, toward)
+            if _reaches(passes.angle_deg, toward)
         ),
         contrast=None if dark_V is None else _contrast(passes.angle_deg, volts[..., left], volts[..., right], dark_V),
     )
 
 
 def crossing(angle_deg: FloatArray, row: FloatArray) -> float:
-    """Angle nearest to 0 at which a cycle's difference vanishes, by linear interpolation."""
+    """Return the angle nearest to 0 at which a cycle's difference crosses zero, by linear interpolation."""
     with np.errstate(invalid="ignore"):
-        places = np.flatnonzero(row[:-1] * row[1:] <= 0.0)
+        before = np.flatnonzero(row[:-1] * row[1:] <= 0.0)
     crossings = [
         float(angle_deg[n] + (angle_deg[n + 1] - angle_deg[n]) * row[n] / (row[n] - row[n + 1]))
-        for n in places
+        for n in before
         if row[n] != row[n + 1]
     ]
     return min(crossings, key=abs, default=math.nan)
 
 
-def _goes(angle_deg: FloatArray, toward: str) -> bool:
-    """Whether a motion reaches the side of a receiver; a force or depth has no negative side."""
+def _reaches(angle_deg: FloatArray, toward: str) -> bool:
+    """Return whether a motion reaches the side of a receiver; a force or depth has no negative side."""
     low, high = float(angle_deg[0]), float(angle_deg[-1])
-    return low < -_ASIDE * (high - low) if toward == "right" else high > _ASIDE * (high - low)
+    return low < -_MIN_SIDE * (high - low) if toward == "right" else high > _MIN_SIDE * (high - low)
 
 
 def _crosstalk(
@@ -146,10 +147,9 @@ def _crosstalk(
     middle = int(np.argmin(np.abs(angle_deg)))
     end = 0 if toward == "right" else -1  # by the convention
     near_fall, far_fall = near[:, middle] - near[:, end], far[:, middle] - far[:, end]
-    change = over_cycles(100.0 * far_fall / np.where(near_fall == 0.0, np.nan, near_fall))
-    if not over_cycles(near_fall).resolved:
-        change = Estimate(math.nan, math.nan)
-    light = Estimate(math.nan, math.nan)
+    change = light = Estimate(math.nan, math.nan)
+    if over_cycles(near_fall).resolved:
+        change = over_cycles(100.0 * far_fall / np.where(near_fall == 0.0, np.nan, near_fall))
     if dark_V is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             light = over_cycles(100.0 * (dark_V - far[:, end]) / (dark_V - near[:, end]))
@@ -157,31 +157,32 @@ def _crosstalk(
 
 
 def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V: float) -> Contrast:
-    """Contrast (R − L)/(R + L) over angle; a receiver's light is the drop of its voltage below the dark voltage."""
+    """Return the contrast (R − L)/(R + L) against angle; the light is the drop of a voltage below the dark voltage."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (left - right) / (2.0 * dark_V - left - right)
-    return Contrast(angle_deg, share.mean(axis=0), *over_cycles(share[:, 0]), *over_cycles(share[:, -1]))
+        contrast = (left - right) / (2.0 * dark_V - left - right)
+    return Contrast(angle_deg, contrast.mean(axis=0), *over_cycles(contrast[:, 0]), *over_cycles(contrast[:, -1]))
 
 
 def sign_warnings(
     receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
 ) -> list[Caution]:
-    """Warnings if a rising angle does not darken the right receiver and brighten the left receiver (the convention)."""
+    """Return a warning if a rising angle does not, by convention, darken the right and brighten the left receiver."""
     if sides is None:
         return []
     names = [list(receivers)[side] for side in sides]
     left, right = (Estimate(receivers[name].swing_V, receivers[name].u_swing_V) for name in names)
-    if not (left.resolved and right.resolved) or min(abs(left.value), abs(right.value)) < _NOTHING_V:
+    if not (left.resolved and right.resolved) or min(abs(left.value), abs(right.value)) < _ROUNDING_V:
         return []
     changes = (
-        f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} {unit} and {names[1]} by "
+        f"from the lowest to the highest angle, {names[0]} changes by {left.value:+.3g} {unit} and {names[1]} by "
         f"{right.value:+.3g} {unit}"
     )
     if left.value > 0.0 > right.value and unit == "V":  # in lux, brighter is a higher value
         reverse = (
-            f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
-            "brighter is a lower voltage). Either the angle has the opposite sign, the receivers are swapped, or the "
-            "voltage of the circuit rises with light. Nothing was changed: --flip-angle reverses the sign of the angle"
+            f"{changes}, which is the reverse of the convention (at negative angles the right receiver is brighter, "
+            "and a brighter receiver has a lower voltage). Either the angle has the opposite sign, the receivers are "
+            "swapped, or the voltage of the circuit rises with light. No sign was changed: --flip-angle reverses the "
+            "sign of the angle"
         )
         return [warning(reverse)]
     if left.value * right.value > 0.0:

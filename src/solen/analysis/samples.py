@@ -1,4 +1,4 @@
-"""Samples of a recording: times, receivers and stimulus from its columns, in s, V and the unit of the stimulus.
+"""Samples of a recording: times, voltages and stimulus from its columns, in s, V and the unit of the stimulus.
 
 Public names: `sampled`, `sample_times`, `ambient_by_side`, `time_scale`, `receivers_unit` and `receiver_scale`.
 """
@@ -31,15 +31,13 @@ from solen.recording.headings import plain
 from solen.recording.stimulus import ANGLE
 from solen.units import factor
 
-_BRACKETED = re.compile(
-    r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$"
-)  # a word in brackets at the end, which is usually a unit
-_SLOW_S = 1.0  # with at least this step, a time without a unit may count samples or ms
-_HIGH_V = 100.0  # larger than the voltage of any receiver
+_BRACKETED = re.compile(r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$")  # a final word in brackets, usually a unit
+_AMBIGUOUS_STEP = 1.0  # times without a unit and with at least this step may be ms or sample numbers
+_MAX_RECEIVER_V = 100.0
 
 
 def ambient_by_side(recording: Recording) -> dict[str, float]:
-    """Mean ambient light that was subtracted from the right and the left receiver, if it was recorded."""
+    """Return the mean ambient light subtracted from the right and the left receiver, keyed by side, if recorded."""
     columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
     return {
         side: float(np.nanmean(column.values))
@@ -69,7 +67,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     base = sample_times(recording, options, warnings)
     drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
     channels = _receivers(recording, options, drive)
-    warnings += [] if options.channel else _passed_over(recording, channels)
+    warnings += [] if options.channel else _unused_warnings(recording, channels)
     unit, file = receivers_unit(channels.values()), recording.provenance.name
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
@@ -92,16 +90,16 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
 
 
 def _window_s(recording: Recording) -> float:
-    """Averaging time of each row, as written by `solen bench demodulate`."""
+    """Return the averaging time of each row, as written by `solen bench demodulate`."""
     column = recording.find("window")
     return 0.0 if column is None or column.unit != "s" else float(np.nanmedian(column.values))
 
 
 def _complete(samples: Waveforms, file: str) -> Waveforms:
-    """Samples without missing numbers."""
+    """Return the samples in which no number is missing."""
     finite = np.isfinite(samples.volts)
-    for name, held in zip(samples.receivers, finite.T, strict=True):
-        if not held.any():
+    for name, column in zip(samples.receivers, finite.T, strict=True):
+        if not column.any():
             raise DataError(f"{file}: {name}", limit="contains no number", remedy="omit it")
     kept = np.asarray(finite.all(axis=1))
     if samples.angle_deg is not None:
@@ -126,9 +124,9 @@ def _time_column(recording: Recording, options: SignalOptions) -> Channel | None
 def sample_times(
     recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str] = TIMES
 ) -> TimeBase:
-    """Order and times of a recording's samples; assumptions are added to the warnings.
+    """Return the order and times of a recording's samples, and append assumptions to the warnings.
 
-    ``named`` contains the options that specify the time column and the rate.
+    ``named`` contains the names of the options that specify the time column and the rate.
     """
     return time_base(_time_s(recording, options, warnings, named), f"{recording.provenance.file}: time")
 
@@ -147,7 +145,9 @@ def _time_s(
 
 
 def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Caution]) -> float:
-    """Factor of a time column to s, from ``unit``, or else from the column; an assumed unit causes a warning.
+    """Return the factor from a time column to s, and append a warning to ``warnings`` if the unit is assumed.
+
+    The unit is ``unit``, or else that of the column.
 
     Raises
     ------
@@ -166,22 +166,24 @@ def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Cau
 
 def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> float:
     steps = np.diff(channel.values)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    if usual >= _SLOW_S:
-        limit = f"specifies no unit, and its steps of {usual:.3g} may be ms, s or samples"
-        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="use --time-unit ms, or --rate-hz")
-    rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if step >= _AMBIGUOUS_STEP:
+        limit = f"specifies no unit, and its steps of {step:.3g} may be ms, s or samples"
+        raise DataError(
+            f"{file}: {channel.name}", limit=limit, remedy="specify --time-unit (s, ms, us or min) or --rate-hz"
+        )
+    rate = f", i.e. {1 / step:.4g} samples per second" if step else ""
     warnings.append(warning(f"the header {channel.name} specifies no unit; s is assumed{rate}"))
     return 1.0
 
 
 def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
-    """Receiver columns, by receiver name."""
+    """Return the receiver columns, keyed by receiver name."""
     time = _time_column(recording, options)
     taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
     if options.channel:
         named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
-        for name, count in Counter([*(one.name for one in named.values()), *taken]).items():
+        for name, count in Counter([*(column.name for column in named.values()), *taken]).items():
             if count > 1:
                 limit = f"has two roles in {recording.provenance.file}"
                 raise SpecError("--channel", value=name, limit=limit, remedy="use a different column for each role")
@@ -193,28 +195,26 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
     return {column.name: column for column in columns}
 
 
-def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
-    """Warnings about columns with a receiver name but an unknown unit, if other receivers are in V."""
-    rest = {
-        channel.name: _BRACKETED.search(channel.name) for channel in recording.channels if channel.name not in channels
-    }
+def _unused_warnings(recording: Recording, receivers: Iterable[str]) -> list[Caution]:
+    """Return warnings about unused columns with a receiver name but an unknown unit."""
+    names = [channel.name for channel in recording.channels if channel.name not in receivers]
     return [
         warning(
             f'{name} is not used, because "{unit[1]}" is not a known unit; to use it, specify --channel NAME=COLUMN'
         )
-        for name, unit in rest.items()
-        if unit and side_of(name)
+        for name in names
+        if (unit := _BRACKETED.search(name)) and side_of(name)
     ]
 
 
 def receivers_unit(channels: Iterable[Channel]) -> str:
-    """Unit of the receivers: V, unless the unit of one receiver cannot be converted to V."""
+    """Return the unit of the receivers: V, unless the unit of one receiver cannot be converted to V."""
     units = [channel.unit for channel in channels if channel.unit and channel.unit != "1"]
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 
 def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> float:
-    """Factor from a receiver's unit to the common unit; an assumed V causes a warning.
+    """Return the factor from a receiver's unit to the common unit, and append a warning if V is assumed.
 
     Raises
     ------
@@ -230,8 +230,9 @@ def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Cautio
         return scale
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
-        doubt = f"; values up to {largest:.4g} V are unusual, check whether they are in mV" if largest > _HIGH_V else ""
+        doubt = f"; values up to {largest:.4g} V are unusual: check whether they are in mV"
         unknown = _BRACKETED.search(channel.name)
-        states = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "specifies no unit"
-        warnings.append(warning(f"the header {channel.name} {states}; V is assumed{doubt}"))
+        reason = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "specifies no unit"
+        assumed = f"the header {channel.name} {reason}; V is assumed"
+        warnings.append(warning(assumed + (doubt if largest > _MAX_RECEIVER_V else "")))
     return 1.0

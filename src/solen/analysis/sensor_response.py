@@ -1,9 +1,9 @@
 """Response and figures of merit of a sensor from its recordings, and the comparison of several sensors.
 
-Each recording supplies its cycles. The first cycle is omitted, as in the paper, because the material and the stage
-settle during it. All recordings of a sensor are on one grid, so their half-cycles can be pooled. Sensors are the
-replicates: the group's mean and standard deviation are those of the sensors' mean curves, and n is the number of
-prints.
+The first cycle of each recording is omitted, as in the paper, because material and stage settle during it. The
+half-cycles of all recordings of a sensor are computed on one grid, so that they can be pooled. To compare sensors, each
+sensor is one replicate: the mean and standard deviation of a group are those of its sensors' mean curves, and n is the
+number of prints.
 
 Public names: `sensor_response`, `group_of` and `SensorGroup`.
 """
@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -30,7 +30,7 @@ from solen.analysis.response_warnings import (
     cautions,
     cell_warnings,
     clip_warnings,
-    other_speeds_left_out,
+    omitted_speed_warnings,
     timing_warnings,
 )
 from solen.analysis.run import Run
@@ -43,6 +43,8 @@ from solen.recording.column_roles import left_right
 from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
+
+R = TypeVar("R", bound=ReceiverResponse)
 
 
 class AnalysisOptions(SignalOptions):
@@ -71,23 +73,23 @@ class AnalysisOptions(SignalOptions):
     step_deg: Finite | None = Field(None, gt=0)
     """Step of the angle grid; default: a round number that suits the range."""
     dark_V: Finite | None = None
-    """Receiver voltage without light, for crosstalk and contrast of the light itself."""
+    """Receiver voltage without light, from which crosstalk and contrast of the light are computed."""
     every: int | None = Field(None, ge=2)
     """Show how response, null and noise change between groups of this many cycles."""
 
     @model_validator(mode="after")
     def _check_angle(self) -> Self:
         if self.angle_time is not None and not self.angle_file:
-            limit = "names a column of a stage log"
+            limit = "names a column of a stage log, but no log is specified"
             raise refused("angle_time", limit, value=self.angle_time, remedy="name the log with --angle-file")
         if self.angle_rate_hz is not None and (not self.angle_file or self.angle_time is not None):
-            limit = "applies to a log without times"
-            raise refused(
-                "angle_rate_hz", limit, value=self.angle_rate_hz, remedy="use --angle-file without --angle-time"
-            )
+            limit = "applies only to a log without times"
+            remedy = "use --angle-file without --angle-time"
+            raise refused("angle_rate_hz", limit, value=self.angle_rate_hz, remedy=remedy)
         if self.amplitude_deg is not None and (self.angle_file or self.angle is not None):
-            limit = "applies to recordings without an angle"
-            raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy="omit the other option")
+            limit = "applies only to recordings without an angle"
+            remedy = "omit it, or omit --angle and --angle-file"
+            raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy=remedy)
         return self
 
     @property
@@ -107,8 +109,10 @@ class SensorResponse(Result):
         Name of the sensor.
     lens
         Whether the sensor has a lens; None if unknown.
+    unit
+        Unit of the receivers.
     receivers
-        Response of each receiver, by receiver name.
+        Response of each receiver, keyed by its name.
     left_minus_right
         Response of the difference; None if the names do not distinguish left and right.
     timing
@@ -118,7 +122,7 @@ class SensorResponse(Result):
     passes
         Half-cycles of all recordings on a common grid.
     near_zero_deg
-        Values about 0 for which the sensitivity near zero is computed.
+        Half-width of the range about 0 in which the sensitivity near zero is computed.
     warnings
         Warnings.
     ageing
@@ -163,7 +167,7 @@ class GroupCurve(Result):
 
 
 class SensorGroup(Result):
-    """A group of sensors: labels, common angles (g,), and curves of the common receivers, by name."""
+    """A group of sensors: labels, common angles (g,), and curves of the common receivers, keyed by name."""
 
     labels: tuple[str, ...]
     angle_deg: FloatArray
@@ -180,7 +184,8 @@ def sensor_response(
 ) -> SensorResponse:
     """Compute the response and figures of merit of a sensor.
 
-    ``motions`` caches the motion detected in an angle, by array identity, for other sensors on the same stage.
+    ``motions`` caches the motion detected in an angle, keyed by the identity of its array, for other sensors on the
+    same stage.
 
     Raises
     ------
@@ -188,66 +193,68 @@ def sensor_response(
         If a recording contains no complete cycle, no cycle remains, or the recordings have different receivers.
     """
     first = recordings[0]
-    for other in recordings[1:]:
-        if other.unit != first.unit:
-            limit = f"is in {other.unit}, but {first.source} is in {first.unit}"
-            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them separately")
-        if other.receivers != first.receivers:
-            limit = f"has receivers {', '.join(other.receivers)}, but {first.source} has {', '.join(first.receivers)}"
-            raise DataError(
-                f"{other.source} ({other.label})",
-                limit=limit,
-                remedy="use the same receiver names in both with --channel",
-            )
-    known = {} if motions is None else motions
-    runs = tuple(_run(signals, options, known) for signals in recordings)
-    every = _pooled_passes(runs, options.step_deg, first.label)
-    near_zero = first.stimulus.near_zero(float(np.abs(every.angle_deg).max()))
-    ways = every.rows(np.array([place in run.used for run in runs for place in run.timed]))
+    _check_alike(recordings)
+    cache = {} if motions is None else motions
+    runs = tuple(_run(signals, options, cache) for signals in recordings)
+    timed = _pooled_passes(runs, options.step_deg, first.label)
+    near_zero = first.stimulus.near_zero(float(np.abs(timed.angle_deg).max()))
+    used = timed.rows(np.array([cycle in run.used for run in runs for cycle in run.timed]))
     noise = pooled_noise([_scatter(run) for run in runs]).tolist()
     receivers = {
-        name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs), near_zero)
+        name: receiver_response(used.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs), near_zero)
         for n, name in enumerate(first.receivers)
     }
     sides = left_right(first.receivers)
     pair = None
     if sides is not None:
-        pair = pair_response(ways, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V, near_zero)
-    warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    warnings += (
-        [] if first.lens is False or first.stimulus is not ANGLE else sign_warnings(receivers, sides, first.unit)
-    )
-    warnings += cautions(receivers, ways, runs)
-    timing = _timing(runs, every, receivers)
-    warnings += [line for run in runs for line in other_speeds_left_out(run)]
+        pair = pair_response(used, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V, near_zero)
+    warnings = [caution for run in runs for caution in (*run.motion.warnings, *run.warnings)]
+    if first.lens is not False and first.stimulus is ANGLE:
+        warnings += sign_warnings(receivers, sides, first.unit)
+    warnings += cautions(receivers, used, runs)
+    timing = _timing(runs, timed, receivers)
+    warnings += [caution for run in runs for caution in omitted_speed_warnings(run)]
     warnings += timing_warnings(timing, receivers, first.stimulus.sign)
     ageing = None
     if options.every is not None:
-        ageing = ageing_of(
-            ways, [scatter for run in runs for scatter in _cycle_scatters(run)], first.receivers, sides, options.every
-        )
+        scatters = [scatter for run in runs for scatter in _cycle_scatters(run)]
+        ageing = ageing_of(used, scatters, first.receivers, sides, options.every)
     cell = least_certain(signals.cell for signals in recordings)
     warnings += cell_warnings(first.stimulus, cell)
     if cell is not None:
-        receivers = {name: replace(own, **_u_by_cell(own, cell)) for name, own in receivers.items()}
-        pair = None if pair is None else replace(pair, **_u_by_cell(pair, cell))
+        receivers = {name: _with_cell_errors(response, cell) for name, response in receivers.items()}
+        pair = None if pair is None else _with_cell_errors(pair, cell)
     return SensorResponse(
-        first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, near_zero, tuple(warnings), ageing
+        first.label, first.lens, first.unit, receivers, pair, timing, runs, used, near_zero, tuple(warnings), ageing
     )
 
 
-def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
-    """Add the load cell errors common to all readings to the uncertainties of a response against a force."""
-    share = cell.u_slope or 0.0
-    names = ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg")
-    wider = {f"u_{name}": math.hypot(getattr(own, f"u_{name}"), share * getattr(own, name)) for name in names}
-    if isinstance(own, PairResponse):
-        wider["u_balance_deg"] = math.hypot(own.u_balance_deg, share * own.balance_deg, cell.u_line_N)
-    return wider
+def _check_alike(recordings: Sequence[Signals]) -> None:
+    """Raise `DataError` if the recordings of a sensor have different receivers or units."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        name = f"{other.source} ({other.label})"
+        if other.unit != first.unit:
+            limit = f"is in {other.unit}, but {first.source} is in {first.unit}"
+            raise DataError(name, limit=limit, remedy="analyse them separately")
+        if other.receivers != first.receivers:
+            limit = f"has receivers {', '.join(other.receivers)}, but {first.source} has {', '.join(first.receivers)}"
+            raise DataError(name, limit=limit, remedy="use the same receiver names in both with --channel")
+
+
+def _with_cell_errors(response: R, cell: LoadCell) -> R:
+    """Return a response against force whose uncertainties include the load cell errors common to all readings."""
+    u_slope = cell.u_slope or 0.0
+    u: dict[str, Any] = {}
+    for name in ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg"):
+        u[f"u_{name}"] = math.hypot(getattr(response, f"u_{name}"), u_slope * getattr(response, name))
+    if isinstance(response, PairResponse):
+        u["u_balance_deg"] = math.hypot(response.u_balance_deg, u_slope * response.balance_deg, cell.u_line_N)
+    return replace(response, **u)
 
 
 def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> Scatter:
-    """Scatter of the readings in a run, or in one of its cycles."""
+    """Return the scatter of the readings in a run, or in one of its cycles."""
     time = run.signals.time_s
     begin, end = np.searchsorted(time, (start_s, end_s)).tolist()
     volts = np.where(run.clipped, np.nan, run.signals.volts)[begin:end]
@@ -256,33 +263,33 @@ def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> S
 
 
 def _cycle_scatters(run: Run) -> list[Scatter]:
-    """Scatter of each used cycle."""
-    cycles = [run.motion.cycles[place] for place in run.used]
+    """Return the scatter of each used cycle."""
+    cycles = [run.motion.cycles[index] for index in run.used]
     return [_scatter(run, cycle.start_s, cycle.end_s) for cycle in cycles]
 
 
-def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
-    """Timing of all recordings from cycles at every speed, with the largest of their bounds."""
+def _timing(runs: Sequence[Run], passes: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
+    """Return the timing of all recordings from cycles at every speed, with the largest of their bounds."""
     speeds, bounds = [], []
     for run in runs:
         signals = run.signals
         speeds.append(cycle_speeds(signals.time_s, signals.angle_deg, run.motion, run.timed))
-        late_s = angle_bound_s(signals.time_s, signals.angle_deg, run.motion)
-        own: tuple[float, Source] = (late_s, signals.stimulus.name)
-        bounds.append(signals.timing_bound_s or own)
-    return timing_of(every, np.concatenate(speeds), max(bounds), receivers)
+        delay_s = angle_bound_s(signals.time_s, signals.angle_deg, run.motion)
+        of_angle: tuple[float, Source] = (delay_s, signals.stimulus.name)
+        bounds.append(signals.timing_bound_s or of_angle)
+    return timing_of(passes, np.concatenate(speeds), max(bounds), receivers)
 
 
-def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -> Run:
-    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg, signals.stimulus)
-    known[id(signals.angle_deg)] = motion
+def _run(signals: Signals, options: AnalysisOptions, cache: dict[int, Motion]) -> Run:
+    motion = cache.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg, signals.stimulus)
+    cache[id(signals.angle_deg)] = motion
     count = len(motion.cycles)
     if count <= options.drop:
         limit = f"contains {count} complete cycle{'s' * (count != 1)}, of which --drop {options.drop} omits all"
         raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:
-        moving[ramp.start + 1 : ramp.stop - 1] = True  # the ends belong to holds, in which a value repeats
+        moving[ramp.start + 1 : ramp.stop - 1] = True  # the end samples belong to holds, in which values repeat
     marked = np.zeros(signals.volts.shape, dtype=bool)
     if not signals.ambient_subtracted:
         marked |= np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])
@@ -290,19 +297,18 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
         marked |= signals.clipped
     timed = tuple(range(options.drop, count))
     main = at_main_speed(cycle_speeds(signals.time_s, signals.angle_deg, motion, timed))
-    used = tuple(place for place, at_main in zip(timed, main.tolist(), strict=True) if at_main)
+    used = tuple(cycle for cycle, at_main in zip(timed, main.tolist(), strict=True) if at_main)
     return Run(signals, motion, used, timed, marked, tuple(clip_warnings(signals, marked)))
 
 
 def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> Passes:
-    """Half-cycles of all recordings on one grid."""
+    """Return the half-cycles of all recordings on one grid."""
     stimulus = runs[0].signals.stimulus
     ranges = [common_range(run.signals.angle_deg, run.motion, run.timed) for run in runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
-        limit = (
-            f"has no {stimulus.name} that all half-cycles reach ({low:.3g}{stimulus.sign} to {high:.3g}{stimulus.sign})"
-        )
+        sign = stimulus.sign
+        limit = f"has no {stimulus.name} that all half-cycles reach: {low:.3g}{sign} to {high:.3g}{sign} is empty"
         raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings separately")
     grid = grid_deg(low, high, step_deg or nice_step(high - low), stimulus.sign)
     parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.timed, grid, run.clipped) for run in runs]
@@ -310,7 +316,7 @@ def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> P
 
 
 def group_of(sensors: Sequence[SensorResponse]) -> SensorGroup | None:
-    """Mean and standard deviation over sensors; None if they have no receivers or angles in common."""
+    """Return the mean and standard deviation over sensors; None without a common receiver and two common angles."""
     names = [name for name in sensors[0].receivers if all(name in sensor.receivers for sensor in sensors)]
     grids = [{round(float(angle), 9) for angle in sensor.passes.angle_deg} for sensor in sensors]
     common = np.array(sorted(set.intersection(*grids)))

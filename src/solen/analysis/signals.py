@@ -1,8 +1,8 @@
 """Signals: the voltages of receivers over time, read from the columns of a recording.
 
-`SignalOptions` names columns and specifies what a file does not; every other role follows from the headers
-(`solen.recording.column_roles`). Units are converted to s, degrees and volts. An assumption causes a warning, an
-ambiguity an error.
+`SignalOptions` names columns and specifies what the file does not; otherwise the headers determine the roles of the
+columns (`solen.recording.column_roles`). Units are converted to s, degrees and volts. An assumption causes a warning,
+an ambiguity an error.
 
 Public names: `Waveforms` and `Signals`.
 """
@@ -74,7 +74,7 @@ class SignalOptions(Options):
     detected.
     """
     emitters: int = Field(1, ge=1)
-    """Number of emitters that are switched in sequence, each followed by an off phase; each counts as a sensor."""
+    """Number of emitters that are switched in sequence, each followed by an off phase; each is treated as a sensor."""
     rails: tuple[float, float] | None = None
     """Lowest and highest voltage of the recorder, e.g. 0 5: samples at these limits are clipped. Default: detected."""
     smooth_ms: Finite | None = Field(None, gt=0)
@@ -89,7 +89,7 @@ class SignalOptions(Options):
         for text in self.channel:
             name, equals, column = text.partition("=")
             if not name.strip() or (equals and not column.strip()):
-                raise refused("channel", "must be NAME=COLUMN", value=text, remedy="as in --channel left=V_L")
+                raise refused("channel", "must be NAME=COLUMN", value=text, remedy="write it as in --channel left=V_L")
         counts = Counter(name for name, _ in self.named_receivers)
         for name, count in counts.items():
             if count > 1:
@@ -97,8 +97,8 @@ class SignalOptions(Options):
         if self.rate_hz is not None and self.time is not None:
             raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="omit one")
         if self.emitters > 1 and not self.on_off_hz:
-            limit = "requires the rate at which each emitter switches"
-            raise refused("emitters", limit, value=self.emitters, remedy="give --on-off-hz")
+            limit = "requires the switching frequency of each emitter"
+            raise refused("emitters", limit, value=self.emitters, remedy="specify --on-off-hz")
         if self.rails is not None and not self.rails[0] < self.rails[1]:
             low, high = self.rails
             raise refused("rails", "must be the lowest and the highest voltage, in this order", value=f"{low} {high}")
@@ -112,12 +112,12 @@ class SignalOptions(Options):
 
 
 class Switching(Result):
-    """Switching detected in a waveform.
+    """Switching of the emitters in a waveform.
 
     Attributes
     ----------
     on_off_hz
-        Switching rate of one emitter, as specified or, if ``detected``, rounded.
+        Switching frequency of one emitter, as specified or, if ``detected``, rounded.
     on
         Whether light makes the waveform ``low`` or ``high``.
     mains_hz, flicker_V
@@ -126,7 +126,7 @@ class Switching(Result):
     samples
         Number of samples in the waveform.
     clipped_samples
-        Number of samples at a limit, by receiver.
+        Number of samples at a limit, keyed by receiver.
     limits_V
         Lowest and highest voltage of each receiver; None if no limit is visible.
     """
@@ -148,7 +148,7 @@ class Waveforms:
     Attributes
     ----------
     time_s, step_s
-        Non-decreasing times, (n,), and the usual step between them.
+        Non-decreasing times, (n,), and the median step between them.
     receivers, volts
         Names (m,) and voltages (n, m).
     angle_deg
@@ -186,7 +186,7 @@ class Waveforms:
     warnings: tuple[Caution, ...] = ()
 
     def rows(self, kept: BoolArray) -> "Waveforms":
-        """Selected samples."""
+        """Return the selected samples."""
         angle = None if self.angle_deg is None else self.angle_deg[kept]
         clipped = None if self.clipped is None else self.clipped[kept]
         return replace(self, time_s=self.time_s[kept], volts=self.volts[kept], angle_deg=angle, clipped=clipped)
@@ -224,7 +224,7 @@ class Signals:
         Largest time difference between angles and readings, and the source of this bound; None if it can only be
         derived from the angle itself.
     ambient_V
-        Mean ambient light that was subtracted, by side; None if not recorded.
+        Mean ambient light that was subtracted, keyed by side; empty if not recorded.
     stimulus, cell
         As in `Waveforms`.
     """

@@ -1,7 +1,7 @@
 """A study: recordings of one or several sensors, from files to the response of each sensor and their comparison.
 
-A file contains recordings of a single sensor, or of several sensors that are named by its columns or groups. Recordings
-with the same label are pooled; sensors with and without a lens are compared.
+A file contains recordings of a single sensor, or of several sensors named by its columns or groups. Recordings with the
+same label are pooled; sensors with a lens are compared with sensors without.
 
 Public names: `study` and `Study`.
 """
@@ -37,7 +37,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with and without a lens, and the second as a percentage of the first."""
+    """Mean swing of a receiver with a lens and without, and the latter as a percentage of the former."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -45,24 +45,24 @@ class SwingWithoutLens:
 
 
 class Study(Result):
-    """Analysed and compared sensors; keys end in the units of the recordings instead of V and deg.
+    """Responses of all sensors and their comparison; keys end in the units of the recordings instead of V and deg.
 
     Attributes
     ----------
     sensors
-        Every sensor, by label, in the order of the files.
+        Every sensor, keyed by label, in the order of the files.
     mean_of_sensors, mean_of_controls
         Mean of the sensors with a lens and of the sensors without; None if there are none.
     lens_beside_none
-        Swing without a lens compared with the swing with a lens, by receiver; None unless there are both.
+        Swing without a lens compared with the swing with a lens, keyed by receiver; None unless there are both.
     alignment
-        Relation between the clocks of log and recorder, by recording.
+        Relation between the clocks of log and recorder, keyed by recording.
     switching
-        Switching detected in waveforms, by recording.
+        Switching of the emitters, keyed by recording.
     options
         Analysis options, including detected settings.
     command
-        Command line with all options; None if detected settings differ between recordings.
+        Command line that specifies every setting; None if detected settings differ between recordings.
     dark_V
         Voltage without light: as specified, or 0 if ambient light is subtracted.
     ambient_subtracted
@@ -112,39 +112,40 @@ class Study(Result):
         return self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
 
     @property
-    def remark(self) -> str:
-        """Note on the processing for every figure; empty if there is none."""
+    def smoothing(self) -> str:
+        """Description of the smoothing, for figures; empty without it."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
     @property
     def detected(self) -> bool:
         """Whether any setting was detected rather than specified."""
-        return any(one.detected for one in self.switching.values()) or self.logs_found
+        return any(state.detected for state in self.switching.values()) or self.logs_found
 
 
-def voltages_against_angle(found: Study) -> Study:
-    """Check that a study is of voltages against an angle; `DataError` otherwise, because there is no model to fit.
+def voltages_against_angle(recorded: Study) -> Study:
+    """Return a study unchanged; raise `DataError` unless it is of voltages against an angle.
 
-    A soft body has many other unknowns (modulus, supports, position and direction of the load) that one curve cannot
-    separate.
+    No model can be fitted to a response to a force or depth: it also depends on the modulus, the supports and the
+    position and direction of the load, which a single curve cannot determine.
     """
-    if found.stimulus is not ANGLE:
-        limit = f"is analysed against the {found.stimulus.name}, but a diagnosis requires the response to an angle"
+    file = recorded.provenances[0].file
+    if recorded.stimulus is not ANGLE:
+        limit = f"is analysed against the {recorded.stimulus.name}, but a diagnosis requires the response to an angle"
         remedy = (
             "record the same sensor driven by an angle, or calibrate it in its present setup with solen bench calibrate"
         )
-        raise DataError(found.provenances[0].file, limit=limit, remedy=remedy)
-    if found.unit != "V":
-        limit = "is the unit of the receivers, but voltages are required"
-        raise DataError(found.provenances[0].file, value=found.unit, limit=limit, remedy="record volts")
-    return found
+        raise DataError(file, limit=limit, remedy=remedy)
+    if recorded.unit != "V":
+        limit = f"contains receivers in {recorded.unit}, but a diagnosis requires voltages"
+        raise DataError(file, limit=limit, remedy="record volts")
+    return recorded
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A recording in a file: its samples with their angle, its source, and the offset of the log's clock.
+    """A recording in a file: its samples with their angle, its source, and its log with the alignment of the clocks.
 
-    ``beside`` is the log if it was detected rather than specified.
+    ``detected_log`` is the path of the log if it was detected rather than specified.
     """
 
     label: str
@@ -152,7 +153,7 @@ class _Part:
     recording: Recording
     log: Recording | None = None
     alignment: Alignment | None = None
-    beside: Path | None = None
+    detected_log: Path | None = None
 
 
 def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
@@ -165,8 +166,8 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     """
     options = options or AnalysisOptions()
     _check_files(files, options)
-    found = _read(files, options)
-    sensors, bare = found.sensors, found.bare
+    recordings = _read(files, options)
+    sensors, ambient_subtracted = recordings.sensors, recordings.ambient_subtracted
     _check_controls(options, sensors)
     units = {signal.unit for signals in sensors.values() for signal in signals}
     if len(units) > 1:
@@ -175,23 +176,24 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     stimuli = {signal.stimulus.name for signals in sensors.values() for signal in signals}
     if len(stimuli) > 1:
         limit = f"are driven by {' and by '.join(sorted(stimuli))}"
-        raise DataError("recordings", limit=limit, remedy="specify a quantity that all of them contain with --against")
-    used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
+        remedy = "use --against with a quantity that all of them contain"
+        raise DataError("recordings", limit=limit, remedy=remedy)
+    dark = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and ambient_subtracted else options
     motions: dict[int, Motion] = {}
-    responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
+    responses = {label: _response(signals, dark, motions) for label, signals in sensors.items()}
     lens, control = (
         [response for response in responses.values() if (response.lens is False) == without]
         for without in (False, True)
     )
-    groups = [group_of(ones) if ones else None for ones in (lens, control)]
-    stated = explicit(options, found.switching, found.logs)
+    groups = [group_of(group) if group else None for group in (lens, control)]
+    settings = explicit(options, recordings.switching, recordings.logs)
     warnings = [
-        *found.warnings,
+        *recordings.warnings,
         *_pooling_warnings(options, sensors),
         *(
-            prefixed(response.label if len(responses) > 1 else "", line)
+            prefixed(response.label if len(responses) > 1 else "", caution)
             for response in responses.values()
-            for line in response.warnings
+            for caution in response.warnings
         ),
         *_group_warnings(groups, len(responses)),
     ]
@@ -200,23 +202,24 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         mean_of_sensors=groups[0],
         mean_of_controls=groups[1],
         lens_beside_none=_compared(*groups),
-        alignment=found.alignment,
-        switching=found.switching,
-        options=stated or options,
-        command=None if stated is None else command(files, stated),
-        dark_V=used.dark_V,
-        ambient_subtracted=bare,
-        provenances=tuple(found.provenances),
-        logs_found=bool(found.logs),
+        alignment=recordings.alignment,
+        switching=recordings.switching,
+        options=settings or options,
+        command=None if settings is None else command(files, settings),
+        dark_V=dark.dark_V,
+        ambient_subtracted=ambient_subtracted,
+        provenances=tuple(recordings.provenances),
+        logs_found=bool(recordings.logs),
         warnings=tuple(dict.fromkeys(warnings)),
     )
 
 
 @dataclass
-class _Found:
+class _Recordings:
     """Recordings as read: signals of each sensor; provenances, alignments, switching and warnings of the recordings.
 
-    ``logs`` were detected next to recordings; ``bare`` lists whether ambient light was subtracted from each recording.
+    ``logs`` were detected next to recordings; ``ambient_subtracted`` is whether ambient light was subtracted from all
+    recordings.
     """
 
     sensors: dict[str, list[Signals]] = field(default_factory=dict)
@@ -225,143 +228,144 @@ class _Found:
     switching: dict[str, Switching] = field(default_factory=dict)
     warnings: list[Caution] = field(default_factory=list)
     logs: list[Path] = field(default_factory=list)
-    bare: bool = True
+    ambient_subtracted: bool = True
 
 
-def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
-    found = _Found()
+def _read(files: Sequence[Path], options: AnalysisOptions) -> _Recordings:
+    recordings = _Recordings()
     for path, part in _parts(files, options):
         for signal in _signals(part, options, path, len(files)):
-            found.sensors.setdefault(signal.label, []).append(signal)
-        found.provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
-        found.bare &= part.samples.ambient_subtracted
-        found.warnings += [prefixed(path.name if len(files) > 1 else "", line) for line in part.samples.warnings]
+            recordings.sensors.setdefault(signal.label, []).append(signal)
+        recordings.provenances += [source.provenance for source in (part.recording, part.log) if source is not None]
+        recordings.ambient_subtracted &= part.samples.ambient_subtracted
+        prefix = path.name if len(files) > 1 else ""
+        recordings.warnings += [prefixed(prefix, caution) for caution in part.samples.warnings]
         if part.alignment is not None:
-            found.alignment[part.label] = part.alignment
+            recordings.alignment[part.label] = part.alignment
         if part.samples.switching is not None:
-            found.switching[part.label] = part.samples.switching
-        if part.beside is not None:
-            found.logs.append(part.beside)
-    return found
+            recordings.switching[part.label] = part.samples.switching
+        if part.detected_log is not None:
+            recordings.logs.append(part.detected_log)
+    return recordings
 
 
 def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
     if not files:
         raise SpecError("files", limit="at least one recording is required", remedy="name one or more recordings")
-    twice = next((path for path in files if list(files).count(path) > 1), None)
-    if twice is not None:
-        raise SpecError("files", value=str(twice), limit="is named twice", remedy="name each recording once")
+    duplicate = next((path for path in files if list(files).count(path) > 1), None)
+    if duplicate is not None:
+        raise SpecError("files", value=str(duplicate), limit="is named twice", remedy="name each recording once")
     if len(options.angle_file) not in {0, 1, len(files)}:
-        limit = f"must be one for all files, or one for each of the {len(files)} files"
-        raise SpecError("--angle-file", value=len(options.angle_file), limit=limit)
+        limit = f"names {len(options.angle_file)} logs for {len(files)} recordings"
+        raise SpecError("--angle-file", limit=limit, remedy="name one log for all recordings, or one for each")
 
 
 def _check_controls(options: AnalysisOptions, sensors: Mapping[str, object]) -> None:
-    known = {name for label in sensors for name in (label, label.rpartition(".")[2])}
+    names = {name for label in sensors for name in (label, label.rpartition(".")[2])}
     for name in options.control:
-        if name not in known:
-            raise SpecError(
-                "--control", value=name, limit=f"no sensor has this name; the sensors are {', '.join(sensors)}"
-            )
+        if name not in names:
+            limit = "no sensor has this name"
+            raise SpecError("--control", value=name, limit=limit, remedy=f"choose from {', '.join(sensors)}")
 
 
 def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion]) -> SensorResponse:
-    """Response of a sensor; errors name its file."""
+    """Return the response of a sensor; errors name its file."""
     try:
         return sensor_response(signals, options, motions)
-    except SolenError as bad:
+    except SolenError as error:
         file = signals[0].source
-        if file in bad.what:
+        if file in error.what:
             raise
-        raise DataError(f"{file}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+        raise DataError(f"{file}: {error.what}", value=error.value, limit=error.limit, remedy=error.remedy) from None
 
 
 def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Path, _Part]]:
     """Yield the recordings in all files, by emitter, one after the other."""
     elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
-    for number, path in enumerate(files):
-        stated = {} if options.pattern is None else labels(path, options.pattern)
+    for index, path in enumerate(files):
+        fields = {} if options.pattern is None else labels(path, options.pattern)
         for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
             by_emitter = waveforms(recording, options, angle="elsewhere" if elsewhere else "optional")
             for emitter, samples in by_emitter.items():
-                own = ".".join(filter(None, (group, emitter)))
-                part = _Part(_label(path, stated.get("sensor"), own, len(files)), samples, recording)
-                yield path, _with_angle(part, options, number, files)
+                name = ".".join(filter(None, (group, emitter)))
+                part = _Part(_label(path, fields.get("sensor"), name, len(files)), samples, recording)
+                yield path, _with_angle(part, options, index, files)
 
 
-def _label(path: Path, stated: str | None, own: str, files: int) -> str:
-    """Label of a part of a file; if the file is the only one, the part's own name."""
-    label = stated or path.stem
-    if not own:
+def _label(path: Path, sensor: str | None, name: str, files: int) -> str:
+    """Return the label of a part of a file; it omits the file name if there is only one file."""
+    label = sensor or path.stem
+    if not name:
         return label
-    return own if files == 1 and stated is None else f"{label}.{own}"
+    return name if files == 1 and sensor is None else f"{label}.{name}"
 
 
-def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Sequence[Path]) -> _Part:
-    """The recording with the angle from a log, or from the commanded protocol, if it contains no angle."""
+def _with_angle(part: _Part, options: AnalysisOptions, index: int, files: Sequence[Path]) -> _Part:
+    """Return a recording with its angle: that of a log, of the commanded protocol, or its recorded angle."""
     samples = part.samples
     if options.angle_file:
-        return _by_log(part, options.angle_file[number if len(options.angle_file) > 1 else 0], options)
+        return _with_log(part, options.angle_file[index if len(options.angle_file) > 1 else 0], options)
     if options.protocol is not None:
         protocol_angle = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
         warnings = (*samples.warnings, *protocol_angle.warnings)
         return replace(part, samples=replace(samples, angle_deg=protocol_angle.angle_deg, warnings=warnings))
     if samples.angle_deg is not None:
         return part
-    beside = find_log(files[number], files)
-    if beside is None:
+    log = find_log(files[index], files)
+    if log is None:
         reject_undriven(part.recording)
-    caution = warning(f"{files[number].name} contains no angle: the angle in {beside.name}, next to it, is used")
+    caution = warning(f"{files[index].name} contains no angle: the angle in {log.name}, in the same folder, is used")
     part = replace(part, samples=replace(samples, warnings=(caution, *samples.warnings)))
-    return replace(_by_log(part, beside, options), beside=beside)
+    return replace(_with_log(part, log, options), detected_log=log)
 
 
-def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
+def _with_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
+    """Return a recording with the angle, force or depth of a stage log."""
     samples, log = part.samples, read(path)
     alignment, drive, warnings = _aligned(samples, log, options)
     kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
-    every = (*samples.warnings, *warnings, *alignment.warnings)
-    kept = replace(kept, stimulus=drive.stimulus, cell=drive.cell, warnings=every)
+    warnings = [*samples.warnings, *warnings, *alignment.warnings]
+    kept = replace(kept, stimulus=drive.stimulus, cell=drive.cell, warnings=tuple(warnings))
     return replace(part, samples=kept, log=log, alignment=alignment)
 
 
 def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, Drive, list[Caution]]:
-    """Relation between the clocks of log and recorder, the logged quantity, and assumptions about it."""
-    own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
+    """Return the alignment of a log's clock with the recorder's, the logged quantity, and assumptions about it."""
+    log_options = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
-    base = sample_times(log, own, warnings, TIMES_OF_LOG)
-    drive = driven(log, own, base, warnings)
+    base = sample_times(log, log_options, warnings, TIMES_OF_LOG)
+    drive = driven(log, log_options, base, warnings)
     file = log.provenance.file
     if drive is None:
         limit = "no column is recognised as an angle, force or depth"
         raise DataError(file, limit=limit, remedy="name the column with --angle, --load or --depth")
-    held = np.isfinite(drive.values)
+    finite = np.isfinite(drive.values)
     alignment = align(
-        samples.time_s, samples.volts, base.time_s[held], drive.values[held], samples.window_s, drive.stimulus
+        samples.time_s, samples.volts, base.time_s[finite], drive.values[finite], samples.window_s, drive.stimulus
     )
-    return alignment, drive, [prefixed(file, line) for line in (*base.warnings, *warnings)]
+    return alignment, drive, [prefixed(file, caution) for caution in (*base.warnings, *warnings)]
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
-    """Signals of each sensor in a recording."""
+    """Yield the signals of each sensor in a recording."""
     samples, provenance = part.samples, part.recording.provenance
-    has, controls = _stated_lens(provenance, options, path)
+    file_lens, controls = _specified_lens(provenance, options, path)
     ambient_V = ambient_by_side(part.recording)
     for sensor, receivers in by_sensor(samples.receivers, part.label, single_file=files == 1).items():
-        places = list(receivers.values())
-        own = has if has is not None or not controls else True
+        columns = list(receivers.values())
+        lens = file_lens if file_lens is not None or not controls else True
         if controls & {sensor, sensor.rpartition(".")[2]}:
-            own = False
+            lens = False
         assert samples.angle_deg is not None  # noqa: S101  required, or given by _with_angle
         yield Signals(
             label=sensor,
             receivers=tuple(receivers),
             time_s=samples.time_s,
             angle_deg=samples.angle_deg,
-            volts=samples.volts[:, places],
-            lens=own,
+            volts=samples.volts[:, columns],
+            lens=lens,
             source=path.name,
-            clipped=None if samples.clipped is None else samples.clipped[:, places],
+            clipped=None if samples.clipped is None else samples.clipped[:, columns],
             provenance=provenance,
             unit=samples.unit,
             ambient_subtracted=samples.ambient_subtracted,
@@ -373,7 +377,10 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
 
 
 def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | None:
-    """Largest time difference between angles and readings, from a bench, or twice the uncertainty of a log's lag."""
+    """Return the largest time difference between angles and readings, and its source; None if it is not known.
+
+    For an aligned log, it is twice the uncertainty of the lag; a bench writes it in its recordings.
+    """
     if part.alignment is not None:
         return 2.0 * part.alignment.u_lag_s, "log"
     try:
@@ -382,17 +389,17 @@ def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | 
         return None
 
 
-def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
-    """Whether a recording's sensors have a lens (None if unknown), and the labels of the sensors without one."""
-    in_name = {} if options.pattern is None else labels(path, options.pattern)
-    word = in_name.get("lens") or provenance.metadata.get("lens")
+def _specified_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
+    """Return whether a recording's sensors have a lens (None if unknown), and the labels of the sensors without one."""
+    fields = {} if options.pattern is None else labels(path, options.pattern)
+    word = fields.get("lens") or provenance.metadata.get("lens")
     texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]
     controls = {*options.control, *(name for text in texts for name in re.split(r"[,;\s]+", text) if name)}
     return (None if word is None else has_lens(word)), controls
 
 
 def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str, SwingWithoutLens] | None:
-    """Fraction of the swing with a lens that remains without one, by receiver."""
+    """Return the comparison of the swings with and without a lens, keyed by receiver; None unless there are both."""
     if lens is None or control is None:
         return None
     compared = {}
@@ -405,27 +412,20 @@ def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str
 
 
 def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[Caution]:
-    """Warning about recordings that are pooled without a pattern."""
+    """Return warnings about recordings that are pooled without a pattern."""
     if options.pattern is not None:
         return []
-    return [
-        prefixed(
-            label,
-            warning(
-                f"{len(signals)} recordings with the same name are pooled as one sensor; use --pattern to separate them"
-            ),
-        )
-        for label, signals in sensors.items()
-        if len(signals) > 1
-    ]
+    counts = {label: len(signals) for label, signals in sensors.items() if len(signals) > 1}
+    text = "recordings with the same name are pooled as one sensor; use --pattern to separate them"
+    return [prefixed(label, warning(f"{count} {text}")) for label, count in counts.items()]
 
 
 def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[Caution]:
-    """Warnings about the number of sensors."""
+    """Return warnings about the number of sensors."""
     warnings = []
-    for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
+    for group, kind in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
-            warnings.append(note(f"only one sensor {what}, so the variation between prints is unknown"))
+            warnings.append(note(f"there is only one sensor {kind}, so the variation between prints is unknown"))
     if groups[0] is not None and sensors == 1:
-        warnings.append(note("only one sensor: its cycles show repeatability, not variation between prints"))
+        warnings.append(note("there is only one sensor: its cycles show repeatability, not variation between prints"))
     return warnings

@@ -1,8 +1,8 @@
-"""Recorded time stamps, which may be irregular, repeated or out of order, or contain gaps.
+"""Recorded time stamps, which may be irregular, repeated or out of order, or have gaps between them.
 
-Samples are used at their own times and never resampled, so an irregular clock needs no repair. Gaps, repeated stamps
-and samples out of order cause a warning with their location. If the clock runs backward for more than a few samples, it
-was reset or two recordings were joined; this is an error, because no order could be correct.
+Samples are used at their recorded times and never resampled, so an irregular clock needs no correction. Gaps, repeated
+time stamps and samples out of order cause a warning that locates them. If more than a few samples are out of order, the
+clock was reset or two recordings were joined; this is an error, because the true order is unknown.
 
 Public names: `time_base` and `TimeBase`.
 """
@@ -16,8 +16,8 @@ from solen.errors import DataError
 from solen.ranks import Caution, warning
 
 MAX_GAP_STEPS = 5.0
-"""A step is a gap if it is at least this many times the usual step."""
-_FEW_STEPS, _SHARE = 10.0, 0.01  # limits (in steps, and as a fraction of the samples) of disorder without a reset clock
+"""A step longer than this many times the median step is a gap."""
+_MAX_BACK_STEPS, _MAX_BACK_FRACTION = 10.0, 0.01  # most of a jump back, and of the samples after one, that are sorted
 _MIN_SAMPLES = 16
 
 
@@ -32,11 +32,11 @@ class TimeBase:
     time_s
         Non-decreasing times of these samples, (n,).
     step_s
-        Usual step between two samples.
+        Median step between two samples.
     gaps_s
         Start and end of each gap, (g, 2).
     warnings
-        Irregularities of the clock.
+        Warnings about irregularities of the clock.
     """
 
     order: IndexArray
@@ -69,28 +69,25 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
         raise DataError(name, limit=limit, remedy="name the time column with --time")
     steps = np.diff(time_s[order])
     if not (steps > 0.0).any():
-        raise DataError(
-            name,
-            limit="does not advance",
-            remedy="name the time column with --time, or specify the rate with --rate-hz",
-        )
-    usual = float(np.median(steps[steps > 0.0]))
+        remedy = "name the time column with --time, or specify the rate with --rate-hz"
+        raise DataError(name, limit="does not advance", remedy=remedy)
+    step_s = float(np.median(steps[steps > 0.0]))
     if (steps < 0.0).any():
-        warnings.append(_disorder(time_s, order, steps, usual, name))
+        warnings.append(_disorder_warning(time_s, order, steps, step_s, name))
         order = order[np.argsort(time_s[order], kind="stable")]
     ordered = time_s[order]
-    warnings += _repeated(ordered)
-    gaps = _gaps(ordered, usual)
-    warnings += _gap_words(gaps)
-    return TimeBase(order, ordered, usual, gaps, tuple(warnings))
+    warnings += _repetition_warnings(ordered)
+    gaps = _gaps(ordered, step_s)
+    warnings += _gap_warnings(gaps)
+    return TimeBase(order, ordered, step_s, gaps, tuple(warnings))
 
 
-def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> Caution:
-    """Warning about a few samples out of order; `DataError` if the clock was reset."""
+def _disorder_warning(time_s: FloatArray, order: IndexArray, steps: FloatArray, step_s: float, name: str) -> Caution:
+    """Return a warning about a few samples out of order; raise `DataError` if the clock was reset."""
     back = np.flatnonzero(steps < 0.0)
     worst = back[np.argmin(steps[back])]
     row = int(order[worst + 1]) + 1
-    if -steps[worst] > _FEW_STEPS * usual or back.size > _SHARE * order.size:
+    if -steps[worst] > _MAX_BACK_STEPS * step_s or back.size > _MAX_BACK_FRACTION * order.size:
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
         raise DataError(name, limit=limit, remedy="split the file there, or export it with a single continuous clock")
@@ -99,20 +96,21 @@ def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: f
     )
 
 
-def _repeated(ordered: FloatArray) -> list[Caution]:
-    same = int(np.sum(np.diff(ordered) == 0.0))
-    if not same:
+def _repetition_warnings(ordered: FloatArray) -> list[Caution]:
+    repeats = np.flatnonzero(np.diff(ordered) == 0.0)
+    if not repeats.size:
         return []
-    where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
-    return [warning(f"{same} samples have the same time as the previous sample (first at {where:.6g} s); all are kept")]
+    first_s = ordered[repeats[0]]
+    text = f"{repeats.size} samples have the same time as the previous sample (first at {first_s:.6g} s); all are kept"
+    return [warning(text)]
 
 
-def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
-    wide = np.flatnonzero(np.diff(ordered) > MAX_GAP_STEPS * usual)
+def _gaps(ordered: FloatArray, step_s: float) -> FloatArray:
+    wide = np.flatnonzero(np.diff(ordered) > MAX_GAP_STEPS * step_s)
     return np.column_stack([ordered[wide], ordered[wide + 1]])
 
 
-def _gap_words(gaps: FloatArray) -> list[Caution]:
+def _gap_warnings(gaps: FloatArray) -> list[Caution]:
     if not len(gaps):
         return []
     longest = int(np.argmax(gaps[:, 1] - gaps[:, 0]))

@@ -1,9 +1,8 @@
 """Calibration of a sensor from its recorded response, cross-validation, and decoding of voltages into angles.
 
-A calibration consists of the curve that (V_left, V_right) follows while the sensor turns, one for rising and one for
-falling angles, and the covariance of a reading about this curve. A reading is decoded from the likelihood of every
-angle, so two equally likely angles are both reported. Cycles or prints omitted from the calibration measure its
-accuracy.
+A calibration consists of the curves that (V_left, V_right) follows while the sensor turns, one for rising and one for
+falling angles, and the covariance of a reading about them. A reading is decoded from the likelihood of every angle, so
+that all angles that match it are reported. The accuracy is determined on cycles or prints held out of the calibration.
 
 Public name: `calibrated_sensors`. Its steps are `training_of`, which prepares a `SensorResponse`; `calibrated`,
 `pooled`, `leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` uses it to

@@ -3,6 +3,7 @@
 Public names: `calibrated_sensors`, `SensorCalibrations` and `default_path`.
 """
 
+import statistics
 from collections.abc import Sequence
 from dataclasses import field
 from pathlib import Path
@@ -26,8 +27,8 @@ from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
-_FEW = 0.9  # smallest fraction within the 95 % bands without a warning
-_MANY = 0.01  # largest fraction of ambiguous readings without a warning
+_MIN_WITHIN_95 = 0.9  # smallest fraction within the 95 % bands for which the calibration may be used
+_MAX_AMBIGUOUS = 0.01  # largest fraction of ambiguous readings without a warning
 
 
 class CalibrationOptions(ConditionOptions):
@@ -36,7 +37,7 @@ class CalibrationOptions(ConditionOptions):
     sensor: str | None = None
     """Calibrate only this sensor."""
     pool: bool = False
-    """Make one calibration from all prints with a lens, for use with a print that was never recorded."""
+    """Compute one calibration from all prints with a lens, for use with a print that was never recorded."""
     with_controls: bool = False
     """Also calibrate sensors without a lens."""
 
@@ -56,8 +57,8 @@ class SensorCalibrations(Result):
         The recordings.
     warnings
         Warnings.
-    remark
-        Note on the processing, for a figure.
+    smoothing
+        Description of the smoothing, for a figure; empty without it.
     """
 
     calibrations: tuple[CalibrationFile, ...]
@@ -65,13 +66,13 @@ class SensorCalibrations(Result):
     simulated: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[Caution, ...]
-    remark: str = field(default="", metadata=HIDDEN)
+    smoothing: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data; the calibrations' keys end in their actual units instead of V and deg."""
-        whole = super().to_dict()
-        pairs = zip(self.calibrations, whole["calibrations"], strict=True)
-        return whole | {"calibrations": [one.keyed(data) for one, data in pairs]}
+        data = super().to_dict()
+        pairs = zip(self.calibrations, data["calibrations"], strict=True)
+        return data | {"calibrations": [calibration.keyed(entry) for calibration, entry in pairs]}
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
@@ -80,47 +81,48 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     Raises
     ------
     DataError, SpecError
-        If there is no sensor with that name, or if a sensor has too few cycles or no pair of receivers.
+        If there is no sensor with the specified name, or if a sensor has too few cycles or no pair of receivers.
     """
     options = options or CalibrationOptions()
-    sensors, warnings = _chosen(study, options)
-    whole = study.stimulus is not ANGLE and not options.pool
-    trainings = [training_of(sensor, whole=whole) for sensor in sensors]
-    ones = [calibrated(training) for training in trainings]
+    sensors, warnings = _selected(study, options)
+    full_range = study.stimulus is not ANGLE and not options.pool
+    trainings = [training_of(sensor, full_range=full_range) for sensor in sensors]
+    calibrations = [calibrated(training) for training in trainings]
     if options.pool:
-        checks = [leave_one_sensor_out(trainings, ones)]
-        few = warning(f"{len(ones)} prints: at least three are needed to check the calibration on a held-out print")
-        cautions = [] if checks[0] else [few]
-        files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
+        checks = [leave_one_sensor_out(trainings, calibrations)]
+        text = f"{len(calibrations)} prints: at least three are needed to check the calibration on a held-out print"
+        cautions = [] if checks[0] else [warning(text)]
+        files = [_file(study, options, sensors, pooled(calibrations), checks[0], cautions)]
     else:
         checks = [leave_one_cycle_out(training) for training in trainings]
         files = [
-            _file(study, options, [sensor], one, check, _cautions(sensor, one, check))
-            for sensor, one, check in zip(sensors, ones, checks, strict=True)
+            _file(study, options, [sensor], calibration, check, _cautions(sensor, calibration, check))
+            for sensor, calibration, check in zip(sensors, calibrations, checks, strict=True)
         ]
-    warnings += [prefixed(file.sensor, line) for file in files for line in file.warnings]
+    warnings += [prefixed(file.sensor, caution) for file in files for caution in file.warnings]
     return SensorCalibrations(
-        tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
+        tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.smoothing
     )
 
 
-def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
-    """Sensors to calibrate: the named sensor, or all those with a lens and a warning about the others."""
+def _selected(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
+    """Return the sensors to calibrate, and a note on those that are omitted because they have no lens."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
         sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
         if not sensors:
-            limit = f"no sensor has this name; the sensors are {', '.join(study.sensors)}"
-            raise SpecError("--sensor", value=options.sensor, limit=limit)
-    bare = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
-    kept = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
-    if not kept:
+            remedy = f"choose from {', '.join(study.sensors)}"
+            raise SpecError("--sensor", value=options.sensor, limit="no sensor has this name", remedy=remedy)
+    controls = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
+    selected = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
+    if not selected:
         limit = f"has no lens and hardly responds to the {study.stimulus.name}"
-        raise DataError(f"sensor {bare}", limit=limit, remedy="use --with-controls to calibrate it anyway")
-    if options.pool and len(kept) < 2:
-        raise SpecError("--pool", value=len(kept), limit="requires at least two sensors with a lens")
-    left_out = bare and not options.with_controls
-    return kept, [note(f"not calibrated, because they have no lens: {bare}")] if left_out else []
+        raise DataError(f"sensor {controls}", limit=limit, remedy="use --with-controls to calibrate it anyway")
+    if options.pool and len(selected) < 2:
+        limit = f"requires at least two sensors with a lens, but there is {len(selected)}"
+        raise SpecError("--pool", limit=limit, remedy="add recordings of other prints, or omit it")
+    omitted = controls and not options.with_controls
+    return selected, [note(f"not calibrated, because there is no lens: {controls}")] if omitted else []
 
 
 def _file(
@@ -137,13 +139,13 @@ def _file(
         sensors[0].label, runs[0].signals.provenance, options, "subtracted" if subtracted else "not subtracted"
     )
     motions = [run.motion for run in runs]
-    reached = {
+    extent = {
         "low_deg": min(motion.low_deg for motion in motions),
         "high_deg": max(motion.high_deg for motion in motions),
-        "speed_deg_per_s": sorted(motion.speed_deg_per_s for motion in motions)[len(motions) // 2],
+        "speed_deg_per_s": statistics.median_high(motion.speed_deg_per_s for motion in motions),
     }
     cell = _cell(runs) if study.stimulus is FORCE else None
-    checked = None if check is None else Checked(whole=check.whole, parts=check.parts)
+    checked = None if check is None else Checked(whole=check.total, parts=check.parts)
     return CalibrationFile(
         solen=__version__,
         sensor=POOL if options.pool else sensors[0].label,
@@ -157,74 +159,73 @@ def _file(
         freedom_repeat=calibration.freedom[0],
         rails_V=rails_of(calibration),
         dark_V=study.dark_V,
-        motion=motion.model_copy(update=reached),
+        motion=motion.model_copy(update=extent),
         circuit=circuit,
         curves=curves_of(calibration),
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
-        words=_words(check, "print" if options.pool else "cycle", study.stimulus, cell),
+        words=_check_lines(check, "print" if options.pool else "cycle", study.stimulus, cell),
         sources=tuple(plain(source) for source in study.sources),
         warnings=tuple(warnings),
     )
 
 
-def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Summary of a cross-validation in words, with its limits."""
+def _check_lines(check: Check | None, fold: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
+    """Return the summary of a cross-validation, in which each ``fold`` is a cycle or a print."""
     if check is None:
         return ()
-    one, sign = check.whole, stimulus.sign
-    against = " of the load cell's reading" if stimulus is FORCE else ""
+    total, sign = check.total, stimulus.sign
+    reference = " relative to the load cell" if stimulus is FORCE else ""
     sentence = (
-        f"{stimulus.plural} of a held-out {left_out} are decoded to {one.rms_deg:.2g}{sign}{against} (rms; mean error "
-        f"{one.bias_deg:+.1g}{sign}, worst {one.worst_deg:.2g}{sign}); {100 * one.within_68:.0f} % lie within the "
-        f"68 % bands, {100 * one.within_95:.0f} % within the 95 % bands"
+        f"{stimulus.plural} of a held-out {fold} are decoded with an RMS error of {total.rms_deg:.2g}{sign}{reference} "
+        f"(mean {total.bias_deg:+.1g}{sign}, largest {total.worst_deg:.2g}{sign}); {100 * total.within_68:.0f} % are "
+        f"within their 68 % bands, {100 * total.within_95:.0f} % within their 95 % bands"
     )
     return (sentence,) if cell is None or cell.u_scale is None else (sentence, cell.shared)
 
 
 def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[Caution]:
-    """Warnings about the limits of a sensor's calibration."""
+    """Return warnings about the limits of a sensor's calibration."""
     warnings = []
     if check is None:
-        warnings.append(
-            warning("only two cycles: at least three are needed to check the calibration on a held-out cycle")
-        )
-    elif check.whole.ambiguous > _MANY:
-        share = 100 * check.whole.ambiguous
-        several = f"several {sensor.stimulus.plural} that match them"
-        warnings.append(warning(f"{share:.2g} % of the readings have {several}"))
-    if check is not None and check.whole.within_95 < _FEW:
-        few = f"only {100 * check.whole.within_95:.0f} % of the readings of held-out cycles lie within the 95 % bands"
-        warnings.append(do_not_use(few))
+        text = "only two cycles were used: at least three are needed to check the calibration on a held-out cycle"
+        warnings.append(warning(text))
+    elif check.total.ambiguous > _MAX_AMBIGUOUS:
+        percent = 100 * check.total.ambiguous
+        warnings.append(warning(f"{percent:.2g} % of the readings match several {sensor.stimulus.plural}"))
+    if check is not None and check.total.within_95 < _MIN_WITHIN_95:
+        percent = 100 * check.total.within_95
+        text = f"only {percent:.0f} % of the readings of held-out cycles are within their 95 % bands"
+        warnings.append(do_not_use(text))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
-    first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
-    beside = 2.0 * (second - first)
-    if first > low + beside or last < high - beside:
+    first, second, last = (float(calibration.angle_deg[index]) for index in (0, 1, -1))
+    margin = 2.0 * (second - first)
+    if first > low + margin or last < high - margin:
         sign = sensor.stimulus.sign
-        part = (
-            f"both receivers have readings only from {first:g}{sign} to {last:g}{sign}, within "
-            f"a range of {low:.3g} to {high:.3g}"
+        text = (
+            f"both receivers have readings only from {first:g}{sign} to {last:g}{sign}, but the motion ranges from "
+            f"{low:.3g}{sign} to {high:.3g}{sign}"
         )
-        warnings.append(warning(part))
+        warnings.append(warning(text))
     return warnings
 
 
 def _cell(runs: Sequence[Run]) -> Cell | None:
-    """Load cell of the recordings; if there are several, the load cell with the largest uncertainty."""
-    worst = least_certain(run.signals.cell for run in runs)
-    if worst is None:
+    """Return the load cell of the recordings; if there are several, the one with the largest uncertainty."""
+    cell = least_certain(run.signals.cell for run in runs)
+    if cell is None:
         return None
-    each, percent = worst.sensitivity_N_per_V, worst.u_sensitivity_percent
+    sensitivity, percent = cell.sensitivity_N_per_V, cell.u_sensitivity_percent
     return Cell(
-        name=worst.name,
-        sensitivity_deg_per_V=each,
-        u_sensitivity_deg_per_V=None if percent is None else 0.01 * percent * abs(each),
+        name=cell.name,
+        sensitivity_deg_per_V=sensitivity,
+        u_sensitivity_deg_per_V=None if percent is None else 0.01 * percent * abs(sensitivity),
         off_line_deg=max(run.signals.cell.u_line_N for run in runs if run.signals.cell is not None),
     )
 
 
 def default_path(recordings: Sequence[Path], sensor: str) -> Path:
-    """Default path of a calibration file, next to its recording.
+    """Return the default path of a sensor's calibration file, next to its recording.
 
     Raises
     ------

@@ -30,7 +30,7 @@ class ConditionOptions(Options):
 def conditions(
     sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
 ) -> tuple[Motion, Circuit]:
-    """Return the motion and circuit of a sensor's recording; None for a condition that is not specified.
+    """Return the motion and circuit of a sensor's recording; a condition that is not specified is None.
 
     Raises
     ------
@@ -47,21 +47,22 @@ def conditions(
     protocol = header.get("protocol_name")
     if design is None:
         return Motion(kind=options.motion, protocol=protocol), Circuit(ambient=ambient)
-    moved, readout = design.motion, design.readout
-    pivot = moved.pivot if isinstance(moved.pivot, str) else " ".join(f"{one:g}" for one in moved.pivot)
-    motion = Motion(kind=options.motion or moved.kind, pivot=pivot, parts=tuple(moved.moves), protocol=protocol)
-    if motion.kind == "loaded":
-        motion = Motion(kind="loaded", drives=moved.drives, protocol=protocol)
-    return motion, Circuit(
+    table, readout = design.motion, design.readout
+    circuit = Circuit(
         ambient=ambient,
         emitter_current_mA=readout.emitter_current_ma,
         load_ohm=readout.load_ohm,
         design_sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
     )
+    kind = options.motion or table.kind
+    if kind == "loaded":
+        return Motion(kind="loaded", drives=table.drives, protocol=protocol), circuit
+    pivot = table.pivot if isinstance(table.pivot, str) else " ".join(f"{coordinate:g}" for coordinate in table.pivot)
+    return Motion(kind=kind, pivot=pivot, parts=tuple(table.moves), protocol=protocol), circuit
 
 
 def header_of(provenance: Provenance) -> dict[str, Any]:
-    """Header written by a bench at the start of a run; empty for recordings from other programs."""
+    """Return the header that a bench writes at the start of a run; empty for recordings from other programs."""
     try:
         header = json.loads(provenance.metadata.get("header", "{}"))
     except ValueError:
@@ -70,16 +71,17 @@ def header_of(provenance: Provenance) -> dict[str, Any]:
 
 
 def _design_text(header: dict[str, Any], sensor: str) -> str:
-    """Text of a sensor's design in the header; if the sensor is not listed, the text of the only design."""
+    """Return the text of a sensor's design in the header; if the sensor is not listed, the text of the only design."""
     designs = header.get("designs", {})
-    name = next((one.get("design") for one in header.get("sensors", ()) if one.get("name") == sensor), None)
+    sensors = header.get("sensors", ())
+    name = next((entry.get("design") for entry in sensors if entry.get("name") == sensor), None)
     if name is None and len(designs) == 1:
         name = next(iter(designs))
     return str(designs.get(name, ""))
 
 
 def _design(text: str) -> Design | None:
-    """Design parsed from the text in a header; None if it is missing or cannot be read by this version of solen."""
+    """Return the design in the text from a header, or None if it is missing or this version cannot read it."""
     try:
         return loads(text, what="the recording's design") if text else None
     except SolenError:

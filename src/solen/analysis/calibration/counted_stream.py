@@ -1,4 +1,4 @@
-"""Common part of the stream decoders: counts of readings and their flags, and warnings about the flags.
+"""Base class of the stream decoders: counts of readings and their flags, and warnings about the flags.
 
 Public name: `CountedStream`.
 """
@@ -15,12 +15,12 @@ from solen.files import SIMULATED_DATA
 from solen.ranks import DO_NOT_USE, Caution, rank_of, warning
 from solen.recording import Provenance
 
-_MILLI = 100.0  # ratio to the largest calibrated reading above which a reading is in another unit
+_MAX_RATIO = 100.0  # ratio to the largest calibrated reading above which readings must be in another unit
 _MIN_PERCENT = 0.5  # smallest percentage of the readings with a flag that causes a warning
 
 
-class _Known(Protocol):
-    """Attributes of a sensor or network calibration that streams use."""
+class _AnyCalibration(Protocol):
+    """Attributes common to the calibrations of sensors and networks."""
 
     @property
     def simulated(self) -> bool: ...
@@ -29,15 +29,15 @@ class _Known(Protocol):
     def unit(self) -> str: ...
 
 
-K = TypeVar("K", bound=_Known)
+C = TypeVar("C", bound=_AnyCalibration)
 
 
-class CountedStream(Generic[K]):
+class CountedStream(Generic[C]):
     """Counts of a stream's readings, decoded with a calibration.
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     source, provenance
         Name of the stream in error messages, and its file; None if lines are read.
@@ -51,20 +51,15 @@ class CountedStream(Generic[K]):
 
     def __init__(
         self,
-        known: K,
+        calibration: C,
         file: str,
         source: str,
         provenance: Provenance | None,
         largest: float,
         flags: tuple[str, ...],
     ) -> None:
-        self._known, self._file, self._source, self._provenance, self._largest = (
-            known,
-            file,
-            source,
-            provenance,
-            largest,
-        )
+        self._calibration, self._file, self._source = calibration, file, source
+        self._provenance, self._largest = provenance, largest
         self._times_s = (math.nan, math.nan)
         self.counts = dict.fromkeys(("readings", "missing", *flags), 0)
 
@@ -75,34 +70,34 @@ class CountedStream(Generic[K]):
 
     @property
     def heading(self) -> str:
-        """First lines of an output file: notes on simulated data and on unusable data, then the header."""
-        reasons = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
-        return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in reasons) + self.header
+        """First lines of an output file: comments on simulated or unusable data, and the header."""
+        reasons = dict.fromkeys(caution for caution in self.warnings if rank_of(caution) == DO_NOT_USE)
+        return SIMULATED_DATA * self._simulated + "".join(f"# {reason}\n" for reason in reasons) + self.header
 
     @property
     def _simulated(self) -> bool:
-        return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
+        return self._calibration.simulated or (self._provenance is not None and self._provenance.simulated)
 
     def _check_scale(self, readings: FloatArray, example: str) -> None:
-        """Raise `DataError` if readings (n, ...) are about a thousand times the calibrated ones."""
-        most = np.abs(readings).max(axis=tuple(range(1, readings.ndim)))
-        largest = float(np.median(most[np.isfinite(most)])) if np.isfinite(most).any() else 0.0
-        if largest > _MILLI * self._largest:
-            unit = self._known.unit
-            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
+        """Raise `DataError` if readings (n, ...) are so large that they must be in another unit."""
+        largest = np.abs(readings).max(axis=tuple(range(1, readings.ndim)))
+        typical = float(np.median(largest[np.isfinite(largest)])) if np.isfinite(largest).any() else 0.0
+        if typical > _MAX_RATIO * self._largest:
+            unit = self._calibration.unit
+            limit = f"reads {typical:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
             raise DataError(self._source, limit=limit, remedy=f"specify the unit in the header, as in {example}")
 
-    def _count_readings(self, time_s: FloatArray, good: BoolArray, flags: Mapping[str, BoolArray]) -> None:
-        self.counts["readings"] += int(good.sum())
-        self.counts["missing"] += int((~good).sum())
+    def _count_readings(self, time_s: FloatArray, complete: BoolArray, flags: Mapping[str, BoolArray]) -> None:
+        self.counts["readings"] += int(complete.sum())
+        self.counts["missing"] += int((~complete).sum())
         for name, flag in flags.items():
             self.counts[name] += int(flag.sum())
-        if good.any():
-            times, first = time_s[good], self._times_s[0]
+        if complete.any():
+            times, first = time_s[complete], self._times_s[0]
             self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
 
     def _flag_warnings(self, meanings: Mapping[str, str], always: tuple[str, ...]) -> Iterator[Caution]:
-        """Warnings about flags that many readings have, or that any reading has if the flag must always be reported."""
+        """Yield warnings about flags of many readings, and about flags of any reading if they are always reported."""
         for name, meaning in meanings.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)

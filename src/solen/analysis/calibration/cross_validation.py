@@ -1,10 +1,10 @@
 """Cross-validation of a calibration on held-out cycles or prints.
 
-The remaining data are calibrated as if the held-out part had never been recorded. This part is then decoded and
-compared with the stage angle. The fraction of readings within their bands shows whether the bands can be trusted.
-Errors within a cycle are correlated, so this fraction scatters more than the number of readings suggests.
+The calibration is computed from the remaining data, as if the held-out part had never been recorded. This part is then
+decoded and compared with the stage angle. The fraction of readings within their bands shows whether the bands can be
+trusted. Because errors within a cycle are correlated, this fraction scatters more than the number of readings suggests.
 
-`leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each held-out cycle or print.
+`leave_one_cycle_out` and `leave_one_sensor_out` return a `Check` with a `Part` for each held-out cycle or print.
 """
 
 import math
@@ -31,7 +31,7 @@ class Check:
     and band limits of all held-out readings.
     """
 
-    whole: Part
+    total: Part
     parts: tuple[Part, ...]
     true_deg: FloatArray = field(repr=False)
     angle_deg: FloatArray = field(repr=False)
@@ -42,29 +42,29 @@ class Check:
 def leave_one_cycle_out(training: Training) -> Check | None:
     """Decode each cycle with a calibration from the other cycles; None for fewer than three cycles.
 
-    If there are many cycles, they are held out in twenty groups.
+    More than twenty cycles are held out in twenty groups.
     """
     if training.cycles < 3:
         return None
     folds = np.array_split(np.arange(training.cycles), min(training.cycles, _MAX_FOLDS))
-    names, found = [], []
+    names, results = [], []
     for fold in folds:
-        out = np.isin(np.arange(training.cycles), fold)
+        held_out = np.isin(np.arange(training.cycles), fold)
         names.append(f"cycle {fold[0] + 1}" if fold.size == 1 else f"cycles {fold[0] + 1} to {fold[-1] + 1}")
-        samples = rows_of(training.samples, out[training.samples.cycle])
-        found.append(_held(calibrated(training.only(~out)), _thinned(samples, len(folds))))
-    return _check(names, found)
+        samples = rows_of(training.samples, held_out[training.samples.cycle])
+        results.append(_decoded(calibrated(training.selected(~held_out)), _thinned(samples, len(folds))))
+    return _check(names, results)
 
 
-def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
+def leave_one_sensor_out(trainings: Sequence[Training], calibrations: Sequence[Calibration]) -> Check | None:
     """Decode each print with a calibration from the other prints; None for fewer than three prints."""
-    if len(ones) < 3:
+    if len(calibrations) < 3:
         return None
-    found = []
-    for place, training in enumerate(trainings):
-        others = [one for number, one in enumerate(ones) if number != place]
-        found.append(_held(pooled(others), _thinned(training.samples, len(ones))))
-    return _check([training.label for training in trainings], found)
+    results = []
+    for index, training in enumerate(trainings):
+        others = [*calibrations[:index], *calibrations[index + 1 :]]
+        results.append(_decoded(pooled(others), _thinned(training.samples, len(calibrations))))
+    return _check([training.label for training in trainings], results)
 
 
 def _thinned(samples: Samples, folds: int) -> Samples:
@@ -72,18 +72,20 @@ def _thinned(samples: Samples, folds: int) -> Samples:
     return rows_of(samples, np.arange(samples.angle_deg.size) % max(every, 1) == 0)
 
 
-def _held(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decoded]:
+def _decoded(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decoded]:
+    """Return the true angles of the samples in the calibrated range, and their decoded voltages."""
     low, high = calibration.angle_deg[[0, -1]]
     inside = rows_of(samples, (samples.angle_deg >= low) & (samples.angle_deg <= high))
     return inside.angle_deg, Decoder(calibration).decode(inside.volts)
 
 
-def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -> Check:
-    parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, result, strict=True))
+def _check(names: Sequence[str], results: Sequence[tuple[FloatArray, Decoded]]) -> Check:
+    parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, results, strict=True))
     columns = [
-        np.concatenate([getattr(one, name) for _, one in result]) for name in ("angle_deg", "low_deg", "high_deg")
+        np.concatenate([getattr(decoded, name) for _, decoded in results])
+        for name in ("angle_deg", "low_deg", "high_deg")
     ]
-    return Check(merged("all", parts), parts, np.concatenate([true for true, _ in result]), *columns)
+    return Check(merged("all", parts), parts, np.concatenate([true for true, _ in results]), *columns)
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
@@ -108,7 +110,7 @@ def merged(name: str, parts: Sequence[Part]) -> Part:
 
 
 def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:
-    """Errors of decoded angles, and the fractions of bands that contain the true angles."""
+    """Return the errors of decoded angles, and the fractions of the bands that contain the true angles."""
     errors = decoded.angle_deg - true_deg
     return Part(
         name=name,

@@ -25,7 +25,7 @@ _BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
 class Lines:
     """Column names, and the numbers in each line: NaN for a cell that is empty or not a number.
 
-    A line with a different number of cells gives no numbers.
+    If a line has too few or too many cells, all its numbers are NaN.
     """
 
     names: tuple[str, ...]
@@ -34,8 +34,8 @@ class Lines:
     @property
     def header(self) -> Recording:
         """Table with these columns and no rows, as read from a file."""
-        heads = map(heading, self.names)
-        channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
+        headings = map(heading, self.names)
+        channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in headings)
         return Recording(tuple(channels), Provenance(STDIN))
 
 
@@ -50,13 +50,13 @@ def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -
     rows: Iterator[str] = (row for row in text if row.strip())
     first = next(rows, None)
     if first is None:
-        raise DataError(STDIN, limit="is empty: no line arrived", remedy="write a header and readings to it")
+        raise DataError(STDIN, limit="is empty: no line arrived", remedy="send a header line and readings")
     head = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)
     separator = next((sign for sign in _SEPARATORS if sign in head), ",")
     names = _cells(head, separator)
     if not all(map(is_number, names)):
-        again = {first.strip(), head.strip()}  # a logger that is restarted writes its header again
-        rows = (row for row in rows if row.strip() not in again)
+        headers = {first.strip(), head.strip()}  # a logger repeats its header when it is restarted
+        rows = (row for row in rows if row.strip() not in headers)
     elif not columns:
         limit = "begins with numbers instead of column names"
         raise DataError(STDIN, limit=limit, remedy=remedy)

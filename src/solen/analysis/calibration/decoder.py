@@ -1,13 +1,14 @@
 """Decoding of voltages into angles with a calibration: the likelihood over all angles, and its credible bands.
 
-Between neighbouring points the curve is straight in the plane of the two voltages, so the nearest angle of each segment
-has a closed form. Segments whose best likelihood is far below the maximum are ignored; the others form intervals of
-adjoining angles. Over each interval, however narrow, the likelihood is evaluated on a separate fine grid. It is a t
-distribution about the rising and the falling curve, each with weight one half. The prior is uniform over the calibrated
-range. The probability of an interval is its fraction of the total, and its band is the shortest band that contains 68
-or 95 % of it. If two intervals have a notable probability, the reading is ambiguous and both are reported.
+Between neighbouring points the curve is straight in the plane of the two voltages, so that the nearest angle of each
+segment has a closed form. Segments whose largest likelihood is far below the maximum are ignored; the others form
+intervals of adjoining angles. In each interval, however narrow, the likelihood is evaluated on a separate fine grid. It
+is a t distribution about the rising and about the falling curve, each with weight one half. The prior is uniform over
+the calibrated range. The probability of an interval is its fraction of the total, and its 68 or 95 % band is the
+shortest band that contains this part of it. If no interval has a probability of 95 %, the reading is ambiguous; all
+intervals with a probability of at least 1 % are reported.
 
-A clipped reading of a receiver shows only that the true voltage is at or beyond the limit.
+If a receiver is clipped, its reading shows only that the true voltage is at or outside the limit.
 
 Public names: `Decoder` and `Decoded`.
 """
@@ -25,18 +26,17 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, joined_rows
 from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
-OUTSIDE = 1e-3
+MIN_TAIL_PROBABILITY = 1e-3
 """A reading is off the curve if the probability of a larger distance from the curve is below this value."""
-_DROP = 8.0  # largest difference from the maximum log-likelihood that is not negligible
+_MAX_DROP = 8.0  # largest difference from the maximum log-likelihood that is not negligible
 _POINTS = 64  # number of points of the grid of an interval
-_AT_ONCE = 512
+_BATCH = 512  # readings
 _MAX_PIECES = 4000
-_FLAT = 0.1  # tolerance of the straight pieces, in standard deviations
-_COUNTS = 0.01  # smallest probability of an interval that is reported
-_TINY = 1e-6  # tolerance, as a fraction of a piece
-_SHORT = 1e-9  # smallest length of a piece, in standard deviations
-_MAX_LOG_DROP = 200.0  # this far below the maximum log-likelihood, readings are on no piece and all pieces are used
-_SURE = 1.0 - LEVELS[1]
+_MAX_SAGITTA = 0.1  # largest distance of the curve from its straight pieces, in standard deviations
+_MIN_PROBABILITY = 0.01  # of an interval that is reported
+_MARGIN = 1e-6  # of an interval, as a fraction of a piece
+_MIN_LENGTH = 1e-9  # of a piece, in standard deviations
+_MAX_LOG_DROP = 200.0  # a reading whose log-likelihood is lower by more is compared with all segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Decoded:
     outside, ambiguous, clipped
         Whether the voltages match no point on the curve, match several points, or are at a limit of the recorder.
     at_end
-        Whether the band reaches an end of the calibrated range, so that the angle may be beyond it.
+        Whether the band reaches an end of the calibrated range, so that the angle may be outside it.
     other
         Indices (k,) of the readings to which the less probable intervals belong.
     other_deg, other_probability
@@ -80,43 +80,43 @@ class Decoded:
     other_probability: FloatArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles.
+        """Return whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles.
 
         At the 95 % level, the band of any interval may contain the angle.
         """
-        found = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
+        contained = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
         if level == len(LEVELS) - 1 and self.other.size:
             true = angle_deg[self.other]
             inside = (self.other_deg[:, 0] <= true) & (true <= self.other_deg[:, 1])
-            found[self.other[inside]] = True
-        return np.asarray(found)
+            contained[self.other[inside]] = True
+        return np.asarray(contained)
 
-    def selected(self, places: IndexArray) -> "Decoded":
+    def selected(self, indices: IndexArray) -> "Decoded":
         """Select the readings with the given indices, in that order; no index may occur twice."""
-        number = np.full(len(self.angle_deg), -1, dtype=np.intp)
-        number[places] = np.arange(len(places))
-        kept = number[self.other] >= 0
+        new_index = np.full(len(self.angle_deg), -1, dtype=np.intp)
+        new_index[indices] = np.arange(len(indices))
+        kept = new_index[self.other] >= 0
         fields = {name: getattr(self, name) for name in Decoded.__dataclass_fields__}
-        found = {name: value[kept if name.startswith("other") else places] for name, value in fields.items()}
-        return Decoded(**(found | {"other": number[found["other"]]}))
+        rows = {name: value[kept if name.startswith("other") else indices] for name, value in fields.items()}
+        return Decoded(**(rows | {"other": new_index[rows["other"]]}))
 
 
 @dataclass(frozen=True, eq=False)
 class _Metric:
     """Distance of voltages from each straight segment, for the receivers that are not clipped.
 
-    The product of (V_left, V_right, 1) with `along` is the position along a segment (0 to 1 within it); the product
-    with `aside` is the distance from the segment's line, in units of the covariance. `square` is the squared length of
-    the segment.
+    There are k pieces of the range of angles, and 2 k segments: those of the rising curve, then those of the falling
+    curve. The product of (V_left, V_right, 1) with `along` is the position along a segment (0 to 1 within it); the
+    product with `aside` is the distance from the segment's line, in units of the covariance.
     """
 
-    along: FloatArray  # (3, 2 k): all rising pieces, then all falling ones
+    along: FloatArray  # (3, 2 k)
     aside: FloatArray  # (3, 2 k)
-    square: FloatArray  # (2 k,)
-    constant: FloatArray  # (k,), minus half the logarithm of the determinant
-    size: int
-    tops: FloatArray  # log-likelihoods, ascending, and for each the largest squared distance that is not negligible
-    reach: FloatArray
+    square: FloatArray  # squared length of each segment, (2 k,)
+    constant: FloatArray  # minus half the logarithm of the determinant, (k,)
+    size: int  # number of receivers
+    tops: FloatArray  # maximum log-likelihoods of a reading, ascending
+    reach: FloatArray  # for each of them, the largest squared distance that is not negligible
 
 
 class Decoder:
@@ -139,11 +139,11 @@ class Decoder:
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
         if not isinstance(calibration, Calibration):
-            limit = (
-                "is not the calibration of a sensor, as returned by "
-                "solen.analysis.calibration.file.load(FILE).calibration"
+            limit = "is not the calibration of a single sensor"
+            remedy = (
+                "pass solen.analysis.calibration.file.load(FILE).calibration, or decode a network with "
+                "solen.analysis.network.load_network(FILE).decoder"
             )
-            remedy = "decode all motions of a network with solen.analysis.network.load_network(FILE).decoder"
             raise DataError("Decoder", value=type(calibration).__name__, limit=limit, remedy=remedy)
         self.calibration = calibration = calibration.widened()
         total, freedom = calibration.t_distribution()
@@ -157,13 +157,13 @@ class Decoder:
         self._covariance = _between_points(calibration.angle_deg, total, middle)
         self._freedom = np.interp(middle, calibration.angle_deg, freedom)
         self._width = float(self.nodes_deg[1] - self.nodes_deg[0])
-        self._limit = 2.0 * np.asarray(f_distribution.isf(OUTSIDE, 2, np.minimum(self._freedom, 1e6)))
+        self._limit = 2.0 * np.asarray(f_distribution.isf(MIN_TAIL_PROBABILITY, 2, np.minimum(self._freedom, 1e6)))
         self._metrics: dict[tuple[bool, bool], _Metric] = {}
-        self._noise_deg = self._reading_noise(calibration)
+        self._noise_deg = self._angle_noise(calibration)
 
     @property
     def pieces(self) -> int:
-        """Number of straight segments of the curve."""
+        """Number of pieces of the range in which the curve is approximated by straight lines."""
         return int(self._freedom.size)
 
     @property
@@ -172,7 +172,7 @@ class Decoder:
         return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
 
     def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Standard deviation of an angle due to the noise of a single reading, (n,)."""
+        """Return the standard deviation of decoded angles due to the noise of a single reading, (n,)."""
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
@@ -186,24 +186,21 @@ class Decoder:
             1 for readings at the upper limit of the recorder, −1 at the lower limit, otherwise 0, (n, 2).
         """
         marks = np.zeros(volts.shape, dtype=np.int8) if clipped is None else clipped
-        parts = [
-            self._some(volts[begin : begin + _AT_ONCE], marks[begin : begin + _AT_ONCE])
-            for begin in range(0, max(len(volts), 1), _AT_ONCE)
-        ]
-        return _joined(parts)
+        batches = [slice(begin, begin + _BATCH) for begin in range(0, max(len(volts), 1), _BATCH)]
+        return _joined([self._decode_batch(volts[batch], marks[batch]) for batch in batches])
 
-    def _some(self, volts: FloatArray, marks: NDArray[np.int8]) -> Decoded:
+    def _decode_batch(self, volts: FloatArray, marks: NDArray[np.int8]) -> Decoded:
         """Decode readings, grouped by which receivers are clipped."""
         if not marks.any():
-            return self._alike(volts, (0, 0))
+            return self._decode_group(volts, (0, 0))
         kinds, kind = np.unique(marks, axis=0, return_inverse=True)
         kind = kind.reshape(-1)
         rows = [np.flatnonzero(kind == number) for number in range(len(kinds))]
-        parts = [self._alike(volts[row], (int(k[0]), int(k[1]))) for row, k in zip(rows, kinds, strict=True)]
+        parts = [self._decode_group(volts[row], (int(k[0]), int(k[1]))) for row, k in zip(rows, kinds, strict=True)]
         return _joined(parts).selected(np.argsort(np.concatenate(rows)))
 
     def _metric(self, marks: tuple[int, int]) -> _Metric:
-        """Linear forms of the receivers that are not clipped."""
+        """Return the linear forms of the receivers that are not clipped."""
         key = (marks[0] == 0, marks[1] == 0)
         if key not in self._metrics:
             self._metrics[key] = self._new_metric(np.flatnonzero(key))
@@ -216,110 +213,111 @@ class Decoder:
             whiten[:, : kept.size, kept] = np.linalg.inv(root)
             constant = -np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
         step = np.einsum("kij,dkj->dki", whiten, self._step)
-        step[(step**2).sum(axis=-1) < _SHORT**2] = [_SHORT, 0.0]
+        step[(step**2).sum(axis=-1) < _MIN_LENGTH**2] = [_MIN_LENGTH, 0.0]
         square = (step**2).sum(axis=-1)
-        across = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.sqrt(square)[..., None]
-        along, aside = (self._form(one, whiten) for one in (step / square[..., None], across))
+        normal = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.sqrt(square)[..., None]
+        along, aside = (self._form(direction, whiten) for direction in (step / square[..., None], normal))
         tops = np.linspace(constant.min() - _MAX_LOG_DROP, constant.max(), 400)
         allowed = [self._allowed(np.array([top]), slice(None), constant, kept.size).max() for top in tops.tolist()]
         return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
 
     def _form(self, direction: FloatArray, whiten: FloatArray) -> FloatArray:
-        """Component of the whitened voltages from each segment's start along a direction, as a linear form (3, 2 k)."""
+        """Return the linear forms (3, 2 k) that give the component along a direction, from each segment's start."""
         slope = np.einsum("dki,kij->dkj", direction, whiten)
-        level = -(slope * self._start).sum(axis=-1, keepdims=True)
-        return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
+        constant = -(slope * self._start).sum(axis=-1, keepdims=True)
+        return np.ascontiguousarray(np.concatenate([slope, constant], axis=-1).reshape(-1, 3).T)
 
     def _allowed(self, top: FloatArray, piece: slice | IndexArray, constant: FloatArray, size: int) -> FloatArray:
-        """Squared distance beyond which the likelihood is negligible."""
+        """Return the squared distance at which the likelihood becomes negligible."""
         freedom = self._freedom[piece]
-        most = np.minimum(2.0 * (constant[piece] - top + _DROP) / (freedom + size), 500.0)
-        return np.asarray(freedom * np.expm1(most))
+        exponent = np.minimum(2.0 * (constant[piece] - top + _MAX_DROP) / (freedom + size), 500.0)
+        return np.asarray(freedom * np.expm1(exponent))
 
-    def _alike(self, volts: FloatArray, marks: tuple[int, int]) -> Decoded:
+    def _decode_group(self, volts: FloatArray, marks: tuple[int, int]) -> Decoded:
+        """Decode readings with the same marks."""
         metric = self._metric(marks)
-        row, place, along, distance = self._near(volts, metric, all_of_it=any(marks))
-        piece = place % self.pieces
+        row, segment, along, distance = self._near(volts, metric, all_segments=any(marks))
+        piece = segment % self.pieces
         best = metric.constant[piece] + self._log_likelihood(distance, piece, metric.size)
         if any(marks):
-            best = best + self._log_clipping(volts[row], self._point(place, along), piece, marks)
+            best = best + self._log_clipping(volts[row], self._point(segment, along), piece, marks)
         top = np.full(len(volts), -np.inf)
         np.maximum.at(top, row, best)
-        kept = best >= top[row] - _DROP
-        row, place, along, distance, best = row[kept], place[kept], along[kept], distance[kept], best[kept]
+        kept = best >= top[row] - _MAX_DROP
+        row, segment, along, distance, best = row[kept], segment[kept], along[kept], distance[kept], best[kept]
         first = best == top[row]
         nearest, limit = np.zeros(len(volts)), np.zeros(len(volts))
-        nearest[row[first]], limit[row[first]] = distance[first], self._limit[place[first] % self.pieces]
-        return self._decoded(
-            volts, marks, metric, self._intervals(row, place, along, distance, top, metric), nearest, limit
-        )
+        nearest[row[first]], limit[row[first]] = distance[first], self._limit[segment[first] % self.pieces]
+        intervals = self._intervals(row, segment, along, distance, top, metric)
+        return self._decoded(volts, marks, metric, intervals, nearest, limit)
 
     def _near(
-        self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
+        self, volts: FloatArray, metric: _Metric, *, all_segments: bool
     ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-        """Pairs of a reading and a nearby segment, with the position along the segment and the squared distance."""
-        three = np.column_stack([volts, np.ones(len(volts))])
-        along = three @ metric.along
-        distance = three @ metric.aside
+        """Return pairs of a reading and a nearby segment, with the position along it and the squared distance."""
+        extended = np.column_stack([volts, np.ones(len(volts))])
+        along = extended @ metric.along
+        distance = extended @ metric.aside
         distance *= distance
-        over = along - np.clip(along, 0.0, 1.0)
-        over *= over
-        over *= metric.square
-        distance += over
-        if all_of_it:
-            row, place = np.divmod(np.arange(distance.size), distance.shape[1])
-            return row, place, along.ravel(), distance.ravel()
-        least = distance.argmin(axis=1)
-        piece = least % self.pieces
-        top = metric.constant[piece] + self._log_likelihood(distance[np.arange(len(volts)), least], piece, metric.size)
+        overshoot = along - np.clip(along, 0.0, 1.0)
+        overshoot *= overshoot
+        overshoot *= metric.square
+        distance += overshoot
+        if all_segments:
+            row, segment = np.divmod(np.arange(distance.size), distance.shape[1])
+            return row, segment, along.ravel(), distance.ravel()
+        nearest = distance.argmin(axis=1)
+        piece = nearest % self.pieces
+        smallest = distance[np.arange(len(volts)), nearest]
+        top = metric.constant[piece] + self._log_likelihood(smallest, piece, metric.size)
         below = np.maximum(np.searchsorted(metric.tops, top, side="right") - 1, 0)
         reach = np.where(top < metric.tops[0], np.inf, metric.reach[below])
-        row, place = np.nonzero(distance <= reach[:, None])
-        return row, place, along[row, place], distance[row, place]
+        row, segment = np.nonzero(distance <= reach[:, None])
+        return row, segment, along[row, segment], distance[row, segment]
 
     def _log_likelihood(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
-        """Logarithm of the t distribution, without the constant."""
+        """Return the logarithm of the t distribution, without the constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
-    def _point(self, place: IndexArray, along: FloatArray) -> FloatArray:
-        """Voltages of the curve at positions along its segments, (..., 2)."""
-        start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
+    def _point(self, segment: IndexArray, along: FloatArray) -> FloatArray:
+        """Return the voltages at positions along segments, (..., 2)."""
+        start, step = self._start.reshape(-1, 2)[segment], self._step.reshape(-1, 2)[segment]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
     def _log_clipping(
         self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]
     ) -> FloatArray:
-        """Log-probability that clipped receivers would read their limit."""
-        found = np.zeros(piece.shape)
-        for place, mark in enumerate(marks):
+        """Return the log-probability that the clipped receivers are at or outside their limits."""
+        total = np.zeros(piece.shape)
+        for receiver, mark in enumerate(marks):
             if mark:
-                sd = np.sqrt(self._covariance[piece, place, place])
-                found = found + log_ndtr(mark * (curve[..., place] - volts[..., place]) / sd)
-        return found
+                sd = np.sqrt(self._covariance[piece, receiver, receiver])
+                total = total + log_ndtr(mark * (curve[..., receiver] - volts[..., receiver]) / sd)
+        return total
 
     def _intervals(
         self,
         row: IndexArray,
-        place: IndexArray,
+        segment: IndexArray,
         along: FloatArray,
         distance: FloatArray,
         top: FloatArray,
         metric: _Metric,
     ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Angle intervals whose likelihood is not far below the maximum: reading index, and limits in degrees."""
-        piece, square = place % self.pieces, metric.square[place]
-        over = along - np.clip(along, 0.0, 1.0)
+        """Return the intervals of angles with a likelihood that is not negligible: index of the reading, and limits."""
+        piece, square = segment % self.pieces, metric.square[segment]
+        overshoot = along - np.clip(along, 0.0, 1.0)
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
-        half = np.sqrt(np.maximum(allowed - (distance - square * over * over), 0.0) / square)
+        half = np.sqrt(np.maximum(allowed - (distance - square * overshoot * overshoot), 0.0) / square)
         low, high = piece + np.clip(along - half, 0.0, 1.0), piece + np.clip(along + half, 0.0, 1.0)
-        key = row * (self.pieces + 2) + piece  # pieces of one interval have neighbouring keys, for both directions
+        key = row * (self.pieces + 2) + piece  # the pieces of an interval have successive keys, in both directions
         order = np.argsort(key, kind="stable")
         begins = np.flatnonzero(np.diff(key[order], prepend=-2) > 1)
         lows, highs = np.minimum.reduceat(low[order], begins), np.maximum.reduceat(high[order], begins)
         first, last = self.range_deg
-        lows, highs = first + (lows - _TINY) * self._width, first + (highs + _TINY) * self._width
-        highs = np.where(highs > last - _TINY * self._width, last, highs)
+        lows, highs = first + (lows - _MARGIN) * self._width, first + (highs + _MARGIN) * self._width
+        highs = np.where(highs > last - _MARGIN * self._width, last, highs)
         return row[order][begins], np.maximum(lows, first), highs
 
     def _decoded(
@@ -335,118 +333,124 @@ class Decoder:
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _POINTS)
         density = self._density(volts, row, grid, marks, metric)
         mass = (density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])) * (high - low)  # trapezoidal rule
-        share = mass / np.bincount(row, mass, len(volts))[row]
-        lowest, upmost = _bands(density, grid)
+        probability = mass / np.bincount(row, mass, len(volts))[row]
+        band_low, band_high = _bands(density, grid)
         median = _median(density, grid)
         right = (density * (grid < 0.0)).sum(axis=1) / density.sum(axis=1)
-        order = np.lexsort((share, row))
+        order = np.lexsort((probability, row))
         main = order[np.flatnonzero(np.diff(row[order], append=-1) != 0)]
-        others = np.flatnonzero((share >= _COUNTS) & ~np.isin(np.arange(row.size), main))
-        ends = self.range_deg
-        near = 0.51 * (high - low)[main] / _POINTS
-        at_end = (lowest[main, 1] <= ends[0] + near) | (upmost[main, 1] >= ends[1] - near)
+        others = np.flatnonzero((probability >= _MIN_PROBABILITY) & ~np.isin(np.arange(row.size), main))
+        first, last = self.range_deg
+        half_step = 0.51 * (high - low)[main] / _POINTS
+        at_end = (band_low[main, 1] <= first + half_step) | (band_high[main, 1] >= last - half_step)
         return Decoded(
             angle_deg=median[main],
-            low_deg=lowest[main],
-            high_deg=upmost[main],
-            probability=share[main],
-            right=np.clip(np.bincount(row, share * right, len(volts)), 0.0, 1.0),
+            low_deg=band_low[main],
+            high_deg=band_high[main],
+            probability=probability[main],
+            right=np.clip(np.bincount(row, probability * right, len(volts)), 0.0, 1.0),
             distance=distance,
             outside=distance > limit,
-            ambiguous=share[main] < 1.0 - _SURE,
+            ambiguous=probability[main] < LEVELS[1],
             clipped=np.full(len(volts), any(marks)),
             at_end=at_end,
             other=row[others].astype(np.intp),
-            other_deg=np.column_stack([lowest[others, 1], upmost[others, 1]]),
-            other_probability=share[others],
+            other_deg=np.column_stack([band_low[others, 1], band_high[others, 1]]),
+            other_probability=probability[others],
         )
 
     def _density(
         self, volts: FloatArray, row: IndexArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
     ) -> FloatArray:
-        """Likelihood at angles (m, p) for the readings ``row`` (m,), relative to the maximum of each reading."""
-        where = (angle_deg - self.nodes_deg[0]) / self._width
-        piece = np.clip(where.astype(np.intp), 0, self.pieces - 1)
-        held = where - piece
+        """Return the likelihood at angles (m, p) of the readings ``row`` (m,), relative to each reading's maximum."""
+        position = (angle_deg - self.nodes_deg[0]) / self._width
+        piece = np.clip(position.astype(np.intp), 0, self.pieces - 1)
+        within = position - piece
         freedom, constant = self._freedom[piece], metric.constant[piece]
-        three = np.column_stack([volts, np.ones(len(volts))])[row].T[..., None]
-        both = []
-        for way in range(2):
-            place = piece + way * self.pieces
-            distance = (np.take(metric.aside, place, axis=1) * three).sum(axis=0)
+        extended = np.column_stack([volts, np.ones(len(volts))])[row].T[..., None]
+        logs = []
+        for segment in (piece, piece + self.pieces):
+            distance = (np.take(metric.aside, segment, axis=1) * extended).sum(axis=0)
             distance *= distance
-            over = (np.take(metric.along, place, axis=1) * three).sum(axis=0) - held
-            distance += metric.square[place] * over * over
-            law = constant - 0.5 * (freedom + metric.size) * np.log1p(distance / freedom)
+            along = (np.take(metric.along, segment, axis=1) * extended).sum(axis=0) - within
+            distance += metric.square[segment] * along * along
+            log = constant - 0.5 * (freedom + metric.size) * np.log1p(distance / freedom)
             if any(marks):
-                law += self._log_clipping(volts[row][:, None], self._point(place, held), piece, marks)
-            both.append(law)
+                log += self._log_clipping(volts[row][:, None], self._point(segment, within), piece, marks)
+            logs.append(log)
         highest = np.full(len(volts), -np.inf)
-        np.maximum.at(highest, row, np.maximum(both[0].max(axis=1), both[1].max(axis=1)))
-        return np.asarray(sum(np.exp(law - highest[row, None]) for law in both))
+        np.maximum.at(highest, row, np.maximum(*logs).max(axis=1))
+        return np.asarray(sum(np.exp(log - highest[row, None]) for log in logs))
 
-    def _reading_noise(self, calibration: Calibration) -> FloatArray:
-        """Standard deviation of the decoded angle due to noise alone, for each segment."""
+    def _angle_noise(self, calibration: Calibration) -> FloatArray:
+        """Return the standard deviation of the decoded angle due to the noise of a reading, for each piece."""
         middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
         slope = self._step.mean(axis=0) / self._width
-        toward = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
-        size = np.maximum((toward * slope).sum(axis=-1), 1e-300)
+        weight = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
+        information = np.maximum((weight * slope).sum(axis=-1), 1e-300)
         noise = _between_points(calibration.angle_deg, calibration.noise, middle)
-        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", toward, noise, toward)) / size)
+        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", weight, noise, weight)) / information)
 
 
 def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
-    """Angles between which the curve is straight to within the tolerance."""
-    bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
+    """Return the angles between which the curve is straight to within the tolerance."""
+    sagitta = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
-    most = float(np.max(bend / (_FLAT * sd)))
+    ratio = float(np.max(sagitta / (_MAX_SAGITTA * sd)))
     grid = calibration.angle_deg
-    parts = int(np.clip(math.ceil(math.sqrt(most)), 1, max(1, _MAX_PIECES // (grid.size - 1))))
+    parts = int(np.clip(math.ceil(math.sqrt(ratio)), 1, max(1, _MAX_PIECES // (grid.size - 1))))
     return np.linspace(grid[0], grid[-1], parts * (grid.size - 1) + 1)
 
 
-def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -> FloatArray:
-    """Matrices (g, 2, 2) at other angles, interpolated linearly."""
-    place = np.clip(np.searchsorted(grid, where) - 1, 0, grid.size - 2)
-    share = ((where - grid[place]) / (grid[place + 1] - grid[place]))[:, None, None]
-    return np.asarray((1.0 - share) * matrices[place] + share * matrices[place + 1])
+def _between_points(grid: FloatArray, matrices: FloatArray, angle_deg: FloatArray) -> FloatArray:
+    """Return matrices (g, 2, 2) at other angles, interpolated linearly."""
+    node = np.clip(np.searchsorted(grid, angle_deg) - 1, 0, grid.size - 2)
+    fraction = ((angle_deg - grid[node]) / (grid[node + 1] - grid[node]))[:, None, None]
+    return np.asarray((1.0 - fraction) * matrices[node] + fraction * matrices[node + 1])
 
 
 def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Limits of the shortest band at each level, (m, 2): where the density crosses the enclosing height."""
+    """Return the limits (m, 2) of the shortest band at each level: where the density crosses a certain height."""
     ordered = -np.sort(-density, axis=1)
     total = np.cumsum(ordered, axis=1) - 0.5 * ordered
     rows, last = np.arange(len(density)), density.shape[1] - 1
     lows, highs = [], []
     for level in LEVELS:
-        wanted = level * (total[:, -1] + 0.5 * ordered[:, -1])
-        count = np.clip((total < wanted[:, None]).sum(axis=1), 1, last)
-        share = (wanted - total[rows, count - 1]) / np.maximum(total[rows, count] - total[rows, count - 1], 1e-300)
+        target = level * (total[:, -1] + 0.5 * ordered[:, -1])
+        count = np.clip((total < target[:, None]).sum(axis=1), 1, last)
+        below, above = total[rows, count - 1], total[rows, count]
         upper, lower = ordered[rows, count - 1], ordered[rows, count]
-        height = upper - np.clip(share, 0.0, 1.0) * (upper - lower)
-        above = density >= height[:, None]
-        lows.append(_crossing(density, grid, above.argmax(axis=1), -1, height))
-        highs.append(_crossing(density, grid, last - above[:, ::-1].argmax(axis=1), 1, height))
+        height = upper - _fraction(target - below, above - below) * (upper - lower)
+        inside = density >= height[:, None]
+        lows.append(_crossing(density, grid, inside.argmax(axis=1), -1, height))
+        highs.append(_crossing(density, grid, last - inside[:, ::-1].argmax(axis=1), 1, height))
     return np.column_stack(lows), np.column_stack(highs)
 
 
-def _crossing(density: FloatArray, grid: FloatArray, place: IndexArray, side: int, height: FloatArray) -> FloatArray:
-    """Angle beyond the outermost point above a height at which the density falls below it, or the end of the grid."""
+def _fraction(part: FloatArray, total: FloatArray) -> FloatArray:
+    return np.clip(part / np.maximum(total, 1e-300), 0.0, 1.0)
+
+
+def _crossing(density: FloatArray, grid: FloatArray, point: IndexArray, side: int, height: FloatArray) -> FloatArray:
+    """Return the angle at which the density, past the outermost point above a height, falls to this height.
+
+    If that point is an end of the grid, it is the angle.
+    """
     rows = np.arange(len(grid))
-    beyond = np.clip(place + side, 0, grid.shape[1] - 1)
-    inner, outer = density[rows, place], density[rows, beyond]
-    share = np.clip((inner - height) / np.maximum(inner - outer, 1e-300), 0.0, 1.0)
-    return np.asarray(grid[rows, place] + share * (grid[rows, beyond] - grid[rows, place]))
+    following = np.clip(point + side, 0, grid.shape[1] - 1)
+    inner, outer = density[rows, point], density[rows, following]
+    fraction = _fraction(inner - height, inner - outer)
+    return np.asarray(grid[rows, point] + fraction * (grid[rows, following] - grid[rows, point]))
 
 
 def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
     total = np.cumsum(density, axis=1) - 0.5 * density
     half = 0.5 * density.sum(axis=1)
-    place = np.clip((total < half[:, None]).sum(axis=1), 1, grid.shape[1] - 1)
+    point = np.clip((total < half[:, None]).sum(axis=1), 1, grid.shape[1] - 1)
     rows = np.arange(len(grid))
-    below, above = total[rows, place - 1], total[rows, place]
-    share = np.clip((half - below) / np.maximum(above - below, 1e-300), 0.0, 1.0)
-    return np.asarray(grid[rows, place - 1] + share * (grid[rows, place] - grid[rows, place - 1]))
+    below, above = total[rows, point - 1], total[rows, point]
+    fraction = _fraction(half - below, above - below)
+    return np.asarray(grid[rows, point - 1] + fraction * (grid[rows, point] - grid[rows, point - 1]))
 
 
 def _joined(parts: list[Decoded]) -> Decoded:

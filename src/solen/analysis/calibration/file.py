@@ -24,10 +24,11 @@ from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, 
 SCHEMA = 1
 SUFFIX = ".calibration.json"
 KIND, OF_NETWORK = "calibration", "network calibration"
+REMEDY = "create the file again with solen bench calibrate"
 
 Ambient = Literal["subtracted", "not subtracted"]
 Pair = tuple[Number, Number]
-Three = tuple[Number, Number, Number]
+Covariance = tuple[Number, Number, Number]
 """Variance of the left receiver, covariance, variance of the right receiver."""
 Column = Annotated[tuple[Number, ...], Field(min_length=5, max_length=100_000)]
 
@@ -44,8 +45,8 @@ class Motion(Strict):
     drives: Text | None = Field(None, description="For a loaded sensor: the driven quantity, such as press.depth_mm.")
     pivot: Text | None = Field(None, description="Centre of rotation: stem-base, emitter, or x z in mm.")
     parts: tuple[Text, ...] | None = Field(None, description="Moving parts: lens, emitter, receivers, mirrors.")
-    low_deg: Number | None = Field(None, description="Lowest angle visited.")
-    high_deg: Number | None = Field(None, description="Highest angle.")
+    low_deg: Number | None = Field(None, description="Smallest angle of the motion.")
+    high_deg: Number | None = Field(None, description="Largest angle of the motion.")
     speed_deg_per_s: Number | None = Field(None, description="Median ramp speed.")
     protocol: Text | None = Field(None, description="Protocol name.")
 
@@ -66,20 +67,17 @@ class Cell(Strict):
     @property
     def u_scale(self) -> float | None:
         """Relative standard uncertainty of the scale."""
-        return (
-            None
-            if self.u_sensitivity_deg_per_V is None
-            else self.u_sensitivity_deg_per_V / abs(self.sensitivity_deg_per_V)
-        )
+        u = self.u_sensitivity_deg_per_V
+        return None if u is None else u / abs(self.sensitivity_deg_per_V)
 
     @property
     def shared(self) -> str:
-        """Sentence about the error common to all readings."""
+        """Sentence about the errors common to all readings."""
         line = f" and {self.off_line_deg:.1g} N" if self.off_line_deg else ""
         return (
-            f"all readings of the load cell have a common error of {100.0 * (self.u_scale or 0.0):.2g} "
-            f"%{line} (standard uncertainty); errors relative to its readings do not show this "
-            "error, but the bands of decoded forces include it"
+            f"all readings of the load cell share an error with a standard uncertainty of "
+            f"{100.0 * (self.u_scale or 0.0):.2g} %{line}, which errors relative to the load cell do not include but "
+            "the bands of decoded forces do"
         )
 
 
@@ -104,9 +102,11 @@ class Curves(Strict):
     angle_deg: Column = Field(description="Angles, ascending, in degrees.")
     rising_V: tuple[Pair, ...] = Field(description="Mean of the rising half-cycles.")
     falling_V: tuple[Pair, ...] = Field(description="Mean of the falling half-cycles.")
-    noise_V2: tuple[Three, ...] = Field(description="Covariance of a reading due to noise.")
-    repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, including the error of the mean.")
-    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single print.")
+    noise_V2: tuple[Covariance, ...] = Field(description="Covariance due to the noise of a reading.")
+    repeat_V2: tuple[Covariance, ...] = Field(
+        description="Covariance due to a new cycle, including the error of the mean."
+    )
+    between_V2: tuple[Covariance, ...] = Field(description="Covariance due to a new print; zero for a single print.")
     samples: tuple[NotNegative, ...] = Field(description="Number of samples used for the covariances at each angle.")
 
     @model_validator(mode="after")
@@ -114,13 +114,15 @@ class Curves(Strict):
         size = len(self.angle_deg)
         for name in ("rising_V", "falling_V", "noise_V2", "repeat_V2", "between_V2", "samples"):
             if len(getattr(self, name)) != size:
-                raise refused(name, f"must have {size} entries, one for each angle", value=len(getattr(self, name)))
+                limit = f"has {len(getattr(self, name))} entries, but must have {size}, one for each angle"
+                raise refused(name, limit, remedy=REMEDY)
         if not (np.diff(self.angle_deg) > 0.0).all():
-            raise refused("angle_deg", "must ascend")
+            raise refused("angle_deg", "must be in ascending order", remedy=REMEDY)
         for name in ("noise_V2", "repeat_V2", "between_V2"):
-            a, b, c = np.array(getattr(self, name)).T
-            if (a < 0.0).any() or (c < 0.0).any() or (b * b > a * c * (1.0 + 1e-9) + 1e-300).any():
-                raise refused(name, "is not a covariance")
+            left, covariance, right = np.array(getattr(self, name)).T
+            negative = (left < 0.0).any() or (right < 0.0).any()
+            if negative or (covariance**2 > left * right * (1.0 + 1e-9) + 1e-300).any():
+                raise refused(name, "must be covariance matrices, i.e. positive semidefinite", remedy=REMEDY)
         return self
 
 
@@ -130,8 +132,8 @@ class Part(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     name: Text = Field(description="Held-out cycles or print.")
-    readings: Annotated[int, Field(ge=0)] = Field(description="Readings decoded.")
-    rms_deg: NotNegative = Field(description="Root mean square error.")
+    readings: Annotated[int, Field(ge=0)] = Field(description="Number of readings decoded.")
+    rms_deg: NotNegative = Field(description="RMS error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
     within_68: NotNegative = Field(description="Fraction of the readings within their 68 % bands.")
@@ -197,9 +199,9 @@ class CalibrationFile(Strict):
         return Calibration(
             angle_deg=np.array(curves.angle_deg),
             curves_V=np.array([curves.rising_V, curves.falling_V]),
-            noise=_square(curves.noise_V2),
-            repeat=_square(curves.repeat_V2),
-            between=_square(curves.between_V2),
+            noise=_matrices(curves.noise_V2),
+            repeat=_matrices(curves.repeat_V2),
+            between=_matrices(curves.between_V2),
             samples=np.array(curves.samples),
             cycles=self.cycles,
             prints=len(self.prints),
@@ -210,69 +212,66 @@ class CalibrationFile(Strict):
         )
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data of the file; the keys end in the file's units."""
+        """Return the plain data of the file; the keys end in the file's units."""
         return self.stimulus_of.keyed(in_unit(data, self.unit))
 
 
 def curves_of(calibration: Calibration) -> Curves:
-    """Curves and covariances in the form stored in the file."""
+    """Return the curves and covariances in the form stored in the file."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
         rising_V=rows_as_tuples(calibration.curves_V[0]),
         falling_V=rows_as_tuples(calibration.curves_V[1]),
-        noise_V2=_three(calibration.noise),
-        repeat_V2=_three(calibration.repeat),
-        between_V2=_three(calibration.between),
+        noise_V2=_triples(calibration.noise),
+        repeat_V2=_triples(calibration.repeat),
+        between_V2=_triples(calibration.between),
         samples=tuple(calibration.samples.tolist()),
     )
 
 
 def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
-    """Lowest and highest recordable voltages, with None for unknown values."""
+    """Return the lowest and highest recordable voltages, with None for unknown values."""
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
 def rows_as_tuples(values: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Rows of a matrix in the form stored in a file."""
+    """Return the rows of a matrix in the form stored in a file."""
     return tuple(tuple(row) for row in values.tolist())
 
 
-def _three(matrices: FloatArray) -> tuple[tuple[float, ...], ...]:
+def _triples(matrices: FloatArray) -> tuple[tuple[float, ...], ...]:
     return rows_as_tuples(matrices.reshape(-1, 4)[:, [0, 1, 3]])
 
 
-def _square(rows: tuple[Three, ...]) -> FloatArray:
+def _matrices(rows: tuple[Covariance, ...]) -> FloatArray:
     return np.array(rows)[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
 def text_of(file: CalibrationFile) -> str:
-    """Text of the calibration file."""
+    """Return the text of the calibration file."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
     return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
 
 def calibration_data(path: Path) -> Any:
-    """Read the JSON data of a sensor or network calibration file; `DataError` if the file cannot be read."""
-    text = read_text(path, DataError, maker="solen bench calibrate")
-    return parsed(text, str(path), remedy="create it again with solen bench calibrate")
+    """Read the JSON data of a sensor or network calibration file; raise `DataError` if the file cannot be read."""
+    return parsed(read_text(path, DataError, maker="solen bench calibrate"), str(path), remedy=REMEDY)
 
 
 def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:
-    """Read the JSON data of a calibration file; `DataError` with the ``limit`` if its kind is not ``kind``."""
+    """Read the JSON data of a calibration file; raise `DataError` with the ``limit`` if it is of another kind."""
     data = calibration_data(path)
-    found = data.get("kind") if isinstance(data, dict) else None
-    if found != kind:
+    file_kind = data.get("kind") if isinstance(data, dict) else None
+    if file_kind != kind:
         remedy = "create one with solen bench calibrate"
-        if found == OF_NETWORK:
-            remedy = (
-                "decode with solen bench decode, or in Python with solen.analysis.network.load_network(FILE).decoder"
-            )
-        raise DataError(str(path), value=found, limit=limit, remedy=remedy)
+        if file_kind == OF_NETWORK:
+            remedy = "use solen bench decode, or in Python solen.analysis.network.load_network(FILE).decoder"
+        raise DataError(str(path), value=file_kind, limit=limit, remedy=remedy)
     return migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
 
 
 def load(path: Path) -> CalibrationFile:
-    """Load a calibration from a file; `DataError` if it cannot be read or is not a calibration."""
+    """Load a calibration from a file; raise `DataError` if it cannot be read or is not a calibration."""
     data = data_of_kind(path, KIND, "is not the calibration of a sensor")
     with error_context(str(path)):
         stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)
@@ -282,48 +281,48 @@ def load(path: Path) -> CalibrationFile:
 def tuples(value: Any) -> Any:
     """Convert lists to the tuples that strict fields require."""
     if isinstance(value, dict):
-        return {key: tuples(one) for key, one in value.items()}
-    return tuple(tuples(one) for one in value) if isinstance(value, list) else value
+        return {key: tuples(item) for key, item in value.items()}
+    return tuple(tuples(item) for item in value) if isinstance(value, list) else value
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of the file."""
-    found = CalibrationFile.model_json_schema()
-    found["properties"]["schema"] = {"const": SCHEMA, "description": "File format version.", "type": "integer"}
-    found["required"] = ["schema", *found["required"]]
-    return found
+    """Return the JSON Schema of the file."""
+    schema = CalibrationFile.model_json_schema()
+    schema["properties"]["schema"] = {"const": SCHEMA, "description": "File format version.", "type": "integer"}
+    schema["required"] = ["schema", *schema["required"]]
+    return schema
 
 
-def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """Phrases for differences between a recording and the calibrated recording, and names of unknown conditions."""
-    other, unknown = [], []
-    for name, mine, theirs in (
-        ("kind of motion", ours.motion.kind, motion.kind),
-        ("pivot", ours.motion.pivot, motion.pivot),
-        ("moving parts", ours.motion.parts, motion.parts),
+def differences(file: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
+    """Return phrases for the differences of a recording from the calibrated one, and names of unknown conditions."""
+    different, unknown = [], []
+    kinds = {file.motion.kind, motion.kind}
+    for name, calibrated, recorded in (
+        ("kind of motion", file.motion.kind, motion.kind),
+        ("pivot", file.motion.pivot, motion.pivot),
+        ("moving parts", file.motion.parts, motion.parts),
     ):
-        kinds = {ours.motion.kind, motion.kind}
         if (name == "pivot" and "bend" in kinds) or (name != "kind of motion" and "loaded" in kinds):
             continue
-        if mine is None or theirs is None:
+        if calibrated is None or recorded is None:
             unknown.append(name)
-        elif _text(mine) != _text(theirs):
-            other.append(f"{name} {_text(theirs)} instead of {_text(mine)}")
-    press = (_pressed(ours.motion.drives), _pressed(motion.drives))
-    if all(press) and press[0] != press[1]:
-        other.append(f"load at {press[1]} instead of {press[0]}")
+        elif _text(calibrated) != _text(recorded):
+            different.append(f"{name} {_text(recorded)} instead of {_text(calibrated)}")
+    calibrated_load, recorded_load = _driven_load(file.motion.drives), _driven_load(motion.drives)
+    if calibrated_load and recorded_load and calibrated_load != recorded_load:
+        different.append(f"load at {recorded_load} instead of {calibrated_load}")
     for name, before, now, unit in (
-        ("ambient light", ours.circuit.ambient, circuit.ambient, ""),
-        ("emitter current", ours.circuit.emitter_current_mA, circuit.emitter_current_mA, " mA"),
-        ("load resistor", ours.circuit.load_ohm, circuit.load_ohm, " ohm"),
+        ("ambient light", file.circuit.ambient, circuit.ambient, ""),
+        ("emitter current", file.circuit.emitter_current_mA, circuit.emitter_current_mA, " mA"),
+        ("load resistor", file.circuit.load_ohm, circuit.load_ohm, " ohm"),
     ):
         if before is not None and now is not None and before != now:
-            other.append(f"{name} {_text(now)}{unit} instead of {_text(before)}{unit}")
-    return other, unknown
+            different.append(f"{name} {_text(now)}{unit} instead of {_text(before)}{unit}")
+    return different, unknown
 
 
-def _pressed(drives: str | None) -> str | None:
-    """Name of the finger, pull or clamp that is driven; depth and force of the same finger are the same motion."""
+def _driven_load(drives: str | None) -> str | None:
+    """Return the name of the driven finger, pull or clamp; its depth and its force are the same motion."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

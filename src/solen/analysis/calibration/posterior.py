@@ -1,7 +1,7 @@
-"""Reference for decoding a single reading: the likelihood on a uniform grid of angles.
+"""Reference implementation of decoding a single reading: the posterior probability of each angle on a uniform grid.
 
-`Decoder` must agree with this reference, which is short enough to be checked by reading and does not approximate the
-curves by straight lines.
+`Decoder` is tested against it. It is simple enough to be verified by reading, and does not approximate the curves by
+straight lines.
 
 Public name: `posterior`.
 """
@@ -13,23 +13,21 @@ from solen.arrays import FloatArray
 
 
 def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:
-    """Probability of each evenly spaced angle (m,) in the calibrated range for a left and right reading (2,)."""
+    """Return the probability of each of some evenly spaced angles (m,) for a left and right reading (2,).
+
+    The prior is uniform, and the reading is equally likely to be from the rising and the falling curve.
+    """
     grid = calibration.angle_deg
     curves = at_angles(grid, calibration.curves_V, angle_deg)
-    scale, known = calibration.t_distribution()
-    freedom = np.interp(angle_deg, grid, known)
-    likelihood = np.zeros(angle_deg.size)
-    logs = []
-    for curve in curves:
-        row = np.zeros(angle_deg.size)
-        for place, angle in enumerate(angle_deg):
-            covariance = np.array([[np.interp(angle, grid, scale[:, i, j]) for j in range(2)] for i in range(2)])
-            rest = volts - curve[place]
-            distance = rest @ np.linalg.solve(covariance, rest)
-            row[place] = -0.5 * np.log(np.linalg.det(covariance))
-            row[place] -= 0.5 * (freedom[place] + 2.0) * np.log1p(distance / freedom[place])
-        logs.append(row)
-    highest = max(row.max() for row in logs)
-    for row in logs:
-        likelihood += np.exp(row - highest)
+    grid_scale, grid_freedom = calibration.t_distribution()
+    freedom = np.interp(angle_deg, grid, grid_freedom)
+    log_likelihood = np.zeros((2, angle_deg.size))
+    for direction, index in np.ndindex(log_likelihood.shape):
+        angle = angle_deg[index]
+        scale = np.array([[np.interp(angle, grid, grid_scale[:, i, j]) for j in range(2)] for i in range(2)])
+        residual = volts - curves[direction, index]
+        distance = residual @ np.linalg.solve(scale, residual)
+        log_likelihood[direction, index] = -0.5 * np.log(np.linalg.det(scale))
+        log_likelihood[direction, index] -= 0.5 * (freedom[index] + 2.0) * np.log1p(distance / freedom[index])
+    likelihood = np.exp(log_likelihood - log_likelihood.max()).sum(axis=0)
     return np.asarray(likelihood / likelihood.sum())

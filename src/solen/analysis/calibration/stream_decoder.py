@@ -43,11 +43,11 @@ COLUMNS = (
     "other",
 )
 SIDES = ("direction", "probability")
-"""Columns that apply to angles only, because a force or depth has no sides."""
+"""Columns that apply only to angles, because a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
-_MEANING = {
-    "outside": "do not lie on the calibrated curve, so their {plural} are meaningless",
-    "ambiguous": "are consistent with several {plural}",
+_MEANINGS = {
+    "outside": "are not on the calibrated curve, so their {plural} are meaningless",
+    "ambiguous": "match several {plural}",
     "clipped": "are clipped, so their {name} depends on a single receiver",
     "missing": "lack the voltage of a receiver",
 }
@@ -61,7 +61,7 @@ class DecodeOptions(ConditionOptions):
     follow: bool = False
     """Follow a journal while it grows, until its run ends."""
     gain_percent: Finite = Field(0.0, ge=0)
-    """Allow for a common change in the light with this standard deviation in per cent, e.g. for an emitter that
+    """Standard deviation, in per cent, of a common change in the light that the bands include, e.g. for an emitter that
     ages.
     """
     window_ms: Finite = Field(1e3 * WINDOW_S, ge=0)
@@ -74,7 +74,7 @@ class Decoding(Result):
     Attributes
     ----------
     readings, missing
-        Number of decoded readings, and of readings that lack a voltage.
+        Number of readings that were decoded, and of readings that lack a voltage.
     outside, ambiguous, clipped, at_end
         Number of readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
     from_s, to_s
@@ -82,9 +82,9 @@ class Decoding(Result):
     stimulus
         Decoded quantity: ``angle``, ``force`` or ``depth``. Keys end in its unit.
     lowest_deg, highest_deg
-        Range of the decoded angles of readings that lie on the curve; None if there are none.
+        Range of the decoded angles of readings on the curve; None if there are none.
     against_angle
-        Errors relative to the angle recorded in the source, if any, within the calibrated range.
+        Errors relative to the recorded angle, within the calibrated range; None if no angle was recorded.
     calibration, calibrated_sensor
         Calibration file, and the sensor it calibrates.
     sensor
@@ -125,11 +125,11 @@ class Decoding(Result):
 
 
 class StreamDecoder(CountedStream[CalibrationFile]):
-    """Decoder of a stream that also counts its readings.
+    """Decoder of a stream of readings, which counts them and their flags.
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     stream
         Source of the readings.
@@ -143,100 +143,99 @@ class StreamDecoder(CountedStream[CalibrationFile]):
     Raises
     ------
     SpecError
-        If a gain change is allowed for but the voltage without light is unknown.
+        If ``gain_percent`` is specified but the voltage without light is unknown.
+    DataError
+        If the unit of the readings cannot be converted to that of the calibration.
     """
 
     def __init__(
         self,
-        known: CalibrationFile,
+        calibration: CalibrationFile,
         file: str,
         stream: Stream,
         options: DecodeOptions,
         rails: tuple[float, float] | None,
         source: str,
     ) -> None:
-        if options.gain_percent and known.dark_V is None:
+        if options.gain_percent and calibration.dark_V is None:
             limit = "requires the voltage without light, which the calibration does not contain"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
-        scale = factor(stream.unit, known.unit)
+        scale = factor(stream.unit, calibration.unit)
         if scale is None:
-            limit = f"is the unit of the readings, but the unit of the calibration {file} is {known.unit}"
-            remedy = (
-                f"specify the unit of the readings in the header, as in left ({known.unit}), "
-                "or calibrate with readings in their unit"
-            )
-            raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
-        calibration = known.calibration
-        largest = float(np.abs(calibration.curves_V).max())
-        super().__init__(known, file, source, stream.provenance, largest, FLAGS)
+            limit = f"contains readings in {stream.unit}, but the calibration {file} is in {calibration.unit}"
+            remedy = f"correct the unit in the header, as in left ({calibration.unit}), or calibrate in {stream.unit}"
+            raise DataError(source, limit=limit, remedy=remedy)
+        model = calibration.calibration
+        largest = float(np.abs(model.curves_V).max())
+        super().__init__(calibration, file, source, stream.provenance, largest, FLAGS)
         self._stream, self._scale = stream, scale
-        self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
+        self._decoder = Decoder(model, gain_percent=options.gain_percent, dark_V=calibration.dark_V or 0.0)
         self._tracker = Tracker(1e-3 * options.window_ms)
-        self._middle_V = calibration.curves_V.mean(axis=(0, 1))
-        self._rails = calibration.rails_V if rails is None else np.array([rails] * 2)
+        self._middle_V = model.curves_V.mean(axis=(0, 1))
+        self._rails = model.rails_V if rails is None else np.array([rails] * 2)
         self._range_deg = (math.inf, -math.inf)
         self._parts: list[Part] = []
-        self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
+        self.warnings = (*stream.warnings, *_condition_warnings(calibration, stream, options))
 
     @property
     def header(self) -> str:
         """Header line with the column names."""
-        stimulus = self._known.stimulus_of
+        stimulus = self._calibration.stimulus_of
         names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
         return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
 
     def rows(self, batch: Batch) -> str:
-        """Decode a batch into CSV lines with the columns `COLUMNS`; `DataError` if the batch is in another unit."""
+        """Decode a batch into CSV lines with the columns `COLUMNS`; raise `DataError` if it is in another unit."""
         batch = replace(batch, volts=self._scale * batch.volts)
-        good = np.asarray(np.isfinite(batch.volts).all(axis=1))
-        self._check_scale(batch.volts[good], "left_mV")
-        decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))
+        complete = np.asarray(np.isfinite(batch.volts).all(axis=1))
+        self._check_scale(batch.volts[complete], "left_mV")
+        decoded = self._decoder.decode(batch.volts[complete], self._marks(batch, complete))
         noise = self._decoder.noise_deg(decoded.angle_deg)
-        headings = self._tracker.of(batch.time_s[good], decoded.angle_deg, noise)
-        self._count(batch, good, decoded)
-        return "".join(_rows(batch.time_s, good, decoded, headings, sides=self._known.stimulus_of is ANGLE))
+        headings = self._tracker.of(batch.time_s[complete], decoded.angle_deg, noise)
+        self._count(batch, complete, decoded)
+        return "".join(_rows(batch.time_s, complete, decoded, headings, sides=self._calibration.stimulus_of is ANGLE))
 
-    def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
-        """1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
-        volts = batch.volts[good]
+    def _marks(self, batch: Batch, complete: BoolArray) -> NDArray[np.int8]:
+        """Return 1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
+        volts = batch.volts[complete]
         marks = np.zeros(volts.shape, dtype=np.int8)
         if batch.clipped is not None:
-            marks[batch.clipped[good]] = 1
+            marks[batch.clipped[complete]] = 1
             marks *= np.where(volts >= self._middle_V, 1, -1).astype(np.int8)
         marks[volts >= np.nan_to_num(self._rails[:, 1], nan=np.inf)] = 1
         marks[volts <= np.nan_to_num(self._rails[:, 0], nan=-np.inf)] = -1
         return marks
 
-    def _count(self, batch: Batch, good: BoolArray, decoded: Decoded) -> None:
-        self._count_readings(batch.time_s, good, {name: getattr(decoded, name) for name in FLAGS})
-        if not good.any():
+    def _count(self, batch: Batch, complete: BoolArray, decoded: Decoded) -> None:
+        self._count_readings(batch.time_s, complete, {name: getattr(decoded, name) for name in FLAGS})
+        if not complete.any():
             return
-        inside = decoded.angle_deg[~decoded.outside]
+        on_curve = decoded.angle_deg[~decoded.outside]
         low, high = self._range_deg
-        self._range_deg = float(inside.min(initial=low)), float(inside.max(initial=high))
+        self._range_deg = float(on_curve.min(initial=low)), float(on_curve.max(initial=high))
         if batch.angle_deg is not None:
-            true, (start, end) = batch.angle_deg[good], self._decoder.range_deg
+            true, (start, end) = batch.angle_deg[complete], self._decoder.range_deg
             kept = (true >= start) & (true <= end)
             if kept.any():
                 self._parts.append(part_of("source", true[kept], decoded.selected(np.flatnonzero(kept))))
 
     def result(self, *, interrupted: bool) -> Decoding:
-        """Return the summary of the decoded stream; `DataError` if there was no reading."""
+        """Return the summary of the decoded stream; raise `DataError` if there was no reading."""
         if not self.counts["readings"]:
-            raise DataError(self._source, limit="holds no reading", remedy="check its columns")
+            raise DataError(self._source, limit="contains no reading", remedy="check its columns")
         low, high = self._range_deg
-        meanings = {name: text.format_map(vars(self._known.stimulus_of)) for name, text in _MEANING.items()}
+        meanings = {name: text.format_map(vars(self._calibration.stimulus_of)) for name, text in _MEANINGS.items()}
         return Decoding(
             **self.counts,
             from_s=self._times_s[0],
             to_s=self._times_s[1],
-            stimulus=self._known.stimulus,
+            stimulus=self._calibration.stimulus,
             lowest_deg=low if math.isfinite(low) else None,
             highest_deg=high if math.isfinite(high) else None,
             against_angle=merged("source", self._parts) if self._parts else None,
             calibration=self._file,
-            calibrated_sensor=self._known.sensor,
+            calibrated_sensor=self._calibration.sensor,
             sensor=self._stream.sensor,
             simulated=self._simulated,
             interrupted=interrupted,
@@ -245,77 +244,76 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         )
 
     def _cell_notes(self) -> Iterator[Caution]:
-        """Note on the error that a comparison with the recorded force does not show."""
-        cell = self._known.load_cell
+        """Yield a note on the load cell errors that a comparison with the recorded forces does not show."""
+        cell = self._calibration.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
 
 
-def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
-    """Warnings if the calibration must not be used, differs from the source, or cannot be compared with the source."""
-    yield from (prefixed("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
-    motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
-    other, unknown = differences(known, motion, circuit)
-    moved = bool(other)
-    if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
+def _condition_warnings(calibration: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
+    """Yield warnings if the calibration must not be used, or its conditions differ from the source or are unknown."""
+    yield from (prefixed("calibration", caution) for caution in calibration.warnings if rank_of(caution) == DO_NOT_USE)
+    motion, circuit = conditions(stream.sensor or calibration.sensor, stream.provenance, options, stream.ambient)
+    different, unknown = differences(calibration, motion, circuit)
+    same_conditions = not different
+    if len(calibration.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(calibration.sensor):
         if stream.named:
-            other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
+            different.insert(0, f"sensor {stream.sensor} instead of {calibration.sensor}")
         else:
             yield note(
                 f"{stream.sensor} is only a file name, so the recording is decoded as the calibrated sensor "
-                f'{known.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
+                f'{calibration.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
             )
-    if other:
-        yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
-    if unknown and not moved:
+    if different:
+        yield do_not_use(f"the recording does not match the calibration: {'; '.join(different)}")
+    if unknown and same_conditions:
         yield warning(
-            "it cannot be checked whether the calibration applies to this motion, because the recording does "
-            f"not specify the {', '.join(unknown)}; "
-            "specify it with --design or --motion"
+            f"the recording does not specify the {' and the '.join(unknown)}, so that it cannot be checked whether the "
+            "calibration applies to its motion; use --design with the design file of the sensor, or --motion"
         )
-    if known.simulated and not stream.simulated and stream.provenance is not None:
+    if calibration.simulated and not stream.simulated and stream.provenance is not None:
         yield do_not_use("the calibration is simulated, but the recording is not")
 
 
 def _last(name: str) -> str:
-    """Sensor name without the file name."""
+    """Return the sensor name without the file name."""
     return name.rpartition(".")[2]
 
 
-def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headings, *, sides: bool) -> Iterator[str]:
+def _rows(
+    time_s: FloatArray, complete: BoolArray, decoded: Decoded, headings: Headings, *, sides: bool
+) -> Iterator[str]:
     """Yield a line for each reading, with the columns `COLUMNS`."""
     others: dict[int, list[str]] = {}
-    for row, (low, high), share in zip(
+    for row, (low, high), probability in zip(
         decoded.other.tolist(), decoded.other_deg.tolist(), decoded.other_probability.tolist(), strict=True
     ):
-        others.setdefault(row, []).append(f"{low:.5f}..{high:.5f} ({share:.2f})")
+        others.setdefault(row, []).append(f"{low:.5f}..{high:.5f} ({probability:.2f})")
     columns = (
         decoded.angle_deg.tolist(),
         decoded.low_deg.tolist(),
         decoded.high_deg.tolist(),
         decoded.right.tolist(),
-        headings.words(),
+        headings.labels(),
         headings.rises.tolist(),
         _flags(decoded),
     )
     readings = enumerate(zip(*columns, strict=True))
-    for stamp, held in zip(time_s.tolist(), good.tolist(), strict=True):
-        when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
-        if not held:
-            yield f"{when},,,,,,{',,' * sides},,missing,\n"
+    for seconds, decodable in zip(time_s.tolist(), complete.tolist(), strict=True):
+        time = f"{seconds:.6f}" if math.isfinite(seconds) else ""
+        if not decodable:
+            yield f"{time},,,,,,{',,' * sides},,missing,\n"
             continue
-        number, (angle, low, high, right, heading, rises, flags) = next(readings)
-        side, share = ("right", right) if right >= 0.5 else ("left", 1.0 - right)
-        aside = f"{side},{share:.3f}," if sides else ""
+        index, (angle, low, high, right, heading, rises, flags) = next(readings)
+        side, probability = ("right", right) if right >= 0.5 else ("left", 1.0 - right)
+        direction = f"{side},{probability:.3f}," if sides else ""
         yield (
-            f"{when},{angle:.5f},{low[0]:.5f},{high[0]:.5f},{low[1]:.5f},{high[1]:.5f},"
-            f"{aside}{heading},{rises:.3f},{flags},{' '.join(others.get(number, ()))}\n"
+            f"{time},{angle:.5f},{low[0]:.5f},{high[0]:.5f},{low[1]:.5f},{high[1]:.5f},"
+            f"{direction}{heading},{rises:.3f},{flags},{' '.join(others.get(index, ()))}\n"
         )
 
 
 def _flags(decoded: Decoded) -> list[str]:
-    marks = np.column_stack([getattr(decoded, name) for name in FLAGS])
-    texts = [
-        " ".join(name for place, name in enumerate(FLAGS) if number >> place & 1) for number in range(2 ** len(FLAGS))
-    ]
-    return [texts[number] for number in (marks @ (1 << np.arange(len(FLAGS)))).tolist()]
+    """Return the names of the flags of each reading, separated by spaces."""
+    flags = zip(*(getattr(decoded, name).tolist() for name in FLAGS), strict=True)
+    return [" ".join(name for name, is_set in zip(FLAGS, row, strict=True) if is_set) for row in flags]

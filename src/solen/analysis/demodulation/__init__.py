@@ -1,10 +1,10 @@
 """Subtraction of ambient light: emitters switch on and off, and the light measured while they are off is subtracted.
 
 Samples are grouped into slots, i.e. runs with a constant emitter state (`slots_of`). Each "on" slot gives a reading:
-its mean minus the ambient light at its time, interpolated linearly between the "off" slots before and after it
-(`subtract`). Without a state column, the slots are detected in the waveform itself (`find_clock`). A formula gives the
-remaining ambient light at any frequency (`solen.analysis.demodulation.rejection`). No filter is applied unless
-requested: `averaged` computes the mean over whole mains periods.
+its mean minus the ambient light at the same time, interpolated linearly between the "off" slots before and after it
+(`subtract`). Without a state column, the slots are detected in the waveform itself (`find_clock`). The remaining
+ambient light at any frequency is given by a formula (`solen.analysis.demodulation.rejection`). No filter is applied
+unless requested: `averaged` computes means over whole mains periods.
 
 `demodulated` applies all steps to a recording.
 """

@@ -1,8 +1,9 @@
 """Means of readings over whole mains periods, which remove flicker that the subtraction does not remove.
 
-Lamps flicker at twice the mains frequency. At 200 readings per second, 100 Hz alternates from one reading to the next.
-The mean of four readings, one period of 50 Hz, removes it and all its multiples, except for multiples of 200 Hz. This
-is a filter: it is applied only on request, blocks do not overlap, and the result reports their size.
+Lamps flicker at twice the mains frequency. At 200 readings per second, flicker of 100 Hz alternates from one reading to
+the next. The mean of four readings, i.e. over one period of 50 Hz, removes all harmonics of 50 Hz except multiples of
+200 Hz. Averaging is a filter: it is applied only on request, the blocks do not overlap, and the result reports their
+size.
 """
 
 import math
@@ -16,40 +17,39 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 MAX_READINGS = 1000
-NEAR = 0.02
-"""Largest deviation of a block from a whole number of mains periods, as a fraction of one period."""
+MAX_DEVIATION = 0.02
+"""Largest deviation of a block from an integer number of mains periods, in periods."""
 
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Means of blocks of readings, like `Demodulated`; ``left_out`` readings belong to no complete block.
+    """Means of blocks of readings, like `Demodulated`; ``omitted`` readings belong to no complete block.
 
-    ``places`` contains the indices of the readings in each block, (B, readings).
+    ``blocks`` contains the indices of the readings in each block, (B, readings).
     """
 
     time_s: FloatArray
     emitter: IntArray
-    places: IndexArray
+    blocks: IndexArray
     signal: FloatArray
     u: FloatArray
     ambient: FloatArray
     clipped: BoolArray
     readings: int
-    left_out: int
+    omitted: int
 
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
-    """Smallest number of readings that spans whole mains periods; `DataError` if no number up to 1000 does."""
+    """Return the smallest number of readings that spans whole mains periods; raise `DataError` if none up to 1000."""
     if not math.isfinite(period_s):
-        raise DataError(
-            "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="omit it"
-        )
+        limit = "requires at least two readings from an emitter"
+        raise DataError("mains_hz", value=mains_hz, limit=limit, remedy="omit it")
     for readings in range(1, MAX_READINGS + 1):
         periods = readings * period_s * mains_hz
-        if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
+        if periods >= 1.0 - MAX_DEVIATION and abs(periods - round(periods)) <= MAX_DEVIATION:
             return readings
     limit = f"no number of readings every {1e3 * period_s:.4g} ms spans whole mains periods"
-    raise DataError("mains", value=mains_hz, limit=limit, remedy="omit it")
+    raise DataError("mains_hz", value=mains_hz, limit=limit, remedy="omit it")
 
 
 def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
@@ -57,42 +57,42 @@ def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
 
     ``slots`` are the slots of these readings. Flicker that averaging removes does not contribute to the uncertainty.
     """
-    parts = [_of_emitter(result, emitter, readings) for emitter in result.emitters]
-    places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
-    places = places[np.argsort(result.time_s[places].mean(axis=1), kind="stable")]
-    u = _u(result, slots, result.emitter[places[:, 0]], readings)
+    parts = [_blocks(result, emitter, readings) for emitter in result.emitters]
+    blocks = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
+    blocks = blocks[np.argsort(result.time_s[blocks].mean(axis=1), kind="stable")]
+    u = _u(result, slots, result.emitter[blocks[:, 0]], readings)
     return Averaged(
-        time_s=result.time_s[places].mean(axis=1),
-        emitter=result.emitter[places[:, 0]],
-        places=places,
-        signal=result.signal[places].mean(axis=1),
-        u=np.where(np.isfinite(result.signal[places]).all(axis=1), u, np.nan),
-        ambient=result.ambient[places].mean(axis=1),
-        clipped=result.clipped[places].any(axis=1),
+        time_s=result.time_s[blocks].mean(axis=1),
+        emitter=result.emitter[blocks[:, 0]],
+        blocks=blocks,
+        signal=result.signal[blocks].mean(axis=1),
+        u=np.where(np.isfinite(result.signal[blocks]).all(axis=1), u, np.nan),
+        ambient=result.ambient[blocks].mean(axis=1),
+        clipped=result.clipped[blocks].any(axis=1),
         readings=readings,
-        left_out=len(result.time_s) - places.size,
+        omitted=len(result.time_s) - blocks.size,
     )
 
 
 def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
-    """Uncertainty of the means; with one emitter, successive readings share the "off" slot between them."""
+    """Return the uncertainty of the means; with one emitter, successive readings share the "off" slot between them."""
     off = slots.time_s[slots.state == OFF]
     per_period = max(1, round(result.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
     off_sd = slot_sd(slots, readings * per_period)
     shared = len(result.emitters) == 1
-    of_off = (readings - 0.5) / readings**2 if shared else 0.5 / readings
-    return np.asarray(np.sqrt(on_sd(slots, off_sd, emitter) ** 2 / readings + of_off * off_sd**2))
+    off_weight = (readings - 0.5) / readings**2 if shared else 0.5 / readings
+    return np.asarray(np.sqrt(on_sd(slots, off_sd, emitter) ** 2 / readings + off_weight * off_sd**2))
 
 
-def _of_emitter(result: Demodulated, emitter: int, readings: int) -> IndexArray:
-    """Indices (B, readings) of blocks without a gap, i.e. with consecutive numbers on the emitter's clock."""
-    places = np.flatnonzero(result.of(emitter))
-    if not places.size or not math.isfinite(result.period_s):
+def _blocks(result: Demodulated, emitter: int, readings: int) -> IndexArray:
+    """Return the indices (B, readings) of an emitter's readings in blocks without a missing reading."""
+    indices = np.flatnonzero(result.of(emitter))
+    if not indices.size or not math.isfinite(result.period_s):
         return np.empty((0, readings), dtype=np.intp)
-    steps = np.rint(np.diff(result.time_s[places]) / result.period_s).astype(np.int64)
+    steps = np.rint(np.diff(result.time_s[indices]) / result.period_s).astype(np.int64)
     run = np.concatenate([[0], np.cumsum(steps != 1)])
     first = np.flatnonzero(np.diff(run, prepend=-1))
-    inside = np.arange(len(places)) - first[run]
+    position = np.arange(len(indices)) - first[run]
     length = np.bincount(run)
-    usable = inside < (length // readings * readings)[run]
-    return np.asarray(places[usable].reshape(-1, readings))
+    usable = position < (length // readings * readings)[run]
+    return np.asarray(indices[usable].reshape(-1, readings))

@@ -1,4 +1,4 @@
-"""Demodulation of a recording: readings without ambient light, missing data, and the rejection of the subtraction.
+"""Demodulation of a recording: readings without ambient light, missing data, and the rejection of ambient light.
 
 Public names: `demodulated`, `Demodulation` and `readings_csv`.
 """
@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from solen.analysis.demodulation.average import Averaged
-from solen.analysis.demodulation.clock import CERTAIN, SMOOTH, Clock
+from solen.analysis.demodulation.clock import MAX_TRANSITION, MIN_CERTAIN, Clock
 from solen.analysis.demodulation.flicker import Flicker
 from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
@@ -24,7 +24,10 @@ from solen.results import HIDDEN, Result
 
 REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
 """Ambient light frequencies for which the rejection is reported."""
-SWAPPED, MIN_TO_COMPARE = 2.0, 20
+MAX_OFF_TO_ON, MIN_READINGS = 2.0, 20
+"""Ratio of the scatter of the off phases to that of the on phases above which the two may be swapped, and number of
+readings from which it is computed.
+"""
 
 
 class EmitterReadings(Result):
@@ -44,7 +47,7 @@ class ChannelReadings(Result):
     unit
         Channel unit; empty if unknown.
     emitters
-        Readings for each emitter, by emitter number.
+        Readings for each emitter, keyed by its number.
     mean_ambient, sd_ambient
         Mean and standard deviation of the subtracted values.
     sd_slot
@@ -59,7 +62,7 @@ class ChannelReadings(Result):
 
 
 class Rejection(Result):
-    """Ambient light rejection at a frequency, from its formula; also with a mean over mains periods."""
+    """Calculated rejection of ambient light at a frequency, also with a mean over mains periods."""
 
     frequency_hz: float
     two_sided_dB: float
@@ -79,7 +82,7 @@ class Demodulation(Result):
     flicker
         Lamp flicker, fitted to the "off" phases of a waveform and subtracted; None without flicker.
     method
-        Source of the emitter states: ``states`` or ``waveform``.
+        Source of the emitter states: recorded ``states`` or the ``waveform``.
     clock, off_stated_ppm
         Emitter clock and its deviation from the specified rate, if detected in the waveform.
     rate_hz
@@ -87,15 +90,15 @@ class Demodulation(Result):
     readings_kept, readings_averaged
         Number of readings (or means) that are returned, and number of readings averaged in each.
     samples_per_slot, window_s
-        Typical number of samples per slot, and the averaging time.
+        Median number of samples in a slot, and the averaging time of a reading.
     settle_us
-        Time omitted after each switch.
+        Time omitted after each switching edge.
     counts
         Missing data.
     clipped_samples
-        Number of samples at a limit, by channel.
+        Number of samples at a limit, keyed by channel.
     channels
-        Readings of each channel, by name.
+        Readings of each channel, keyed by name.
     rejection
         Rejection at each frequency; empty if an emitter has fewer than two readings.
     simulated
@@ -152,60 +155,57 @@ def demodulated(recording: Recording, options: DemodulationOptions | None = None
     """
     options = options or DemodulationOptions()
     samples = samples_of(recording, options)
-    found = switched(samples, kernel=options.kernel, mains_hz=options.mains_hz, rails=(options.low, options.high))
-    readings, means, clock = found.readings, found.means, samples.clock
+    result = switched(samples, kernel=options.kernel, mains_hz=options.mains_hz, rails=(options.low, options.high))
+    readings, means, clock = result.readings, result.means, samples.clock
     channels = zip(samples.names, samples.units, strict=True)
     return Demodulation(
-        switched=found,
+        switched=result,
         options=options,
         method="states" if clock is None else "waveform",
         clock=clock,
-        off_stated_ppm=None if clock is None else _off_stated_ppm(clock, options),
-        flicker=found.flicker,
+        off_stated_ppm=None if clock is None else _deviation_ppm(clock, options),
+        flicker=result.flicker,
         rate_hz=1.0 / readings.period_s if np.isfinite(readings.period_s) else None,
-        readings_kept=len(found.kept.time_s),
+        readings_kept=len(result.kept.time_s),
         readings_averaged=None if means is None else means.readings,
-        samples_per_slot=float(np.median(found.slots.samples)),
-        window_s=found.window_s,
+        samples_per_slot=float(np.median(result.slots.samples)),
+        window_s=result.window_s,
         settle_us=1e6 * samples.settle_s,
         counts=readings.counts,
-        clipped_samples={name: int(count) for name, count in zip(samples.names, found.clipped, strict=True)},
-        channels={name: _channel(readings, found.kept, n, unit) for n, (name, unit) in enumerate(channels)},
-        rejection=_rejection(found, options),
+        clipped_samples={name: int(count) for name, count in zip(samples.names, result.clipped, strict=True)},
+        channels={name: _channel(readings, result.kept, n, unit) for n, (name, unit) in enumerate(channels)},
+        rejection=_rejection(result, options),
         simulated=recording.provenance.simulated,
         sources=(recording.provenance,),
-        warnings=(*recording.warnings, *_polarity(samples, options), *_warnings(found)),
+        warnings=(*recording.warnings, *_polarity(samples, options), *_warnings(result)),
     )
 
 
 def _polarity(samples: Samples, options: DemodulationOptions) -> list[Caution]:
     if samples.clock is None or "on" in options.model_fields_set:
         return []
-    return [
-        note(
-            "light is assumed to lower the readings (--on low), as with the paper's receivers; otherwise use --on high"
-        )
-    ]
+    text = "light is assumed to lower the readings (--on low), as with the paper's receivers; otherwise use --on high"
+    return [note(text)]
 
 
-def _off_stated_ppm(clock: Clock, options: DemodulationOptions) -> float:
-    stated_hz = (options.rate_hz or np.nan) * options.emitters
-    return 1e6 * (clock.rate_hz / stated_hz - 1.0)
+def _deviation_ppm(clock: Clock, options: DemodulationOptions) -> float:
+    specified_hz = (options.rate_hz or np.nan) * options.emitters
+    return 1e6 * (clock.rate_hz / specified_hz - 1.0)
 
 
-def _channel(readings: Demodulated, kept: Demodulated | Averaged, place: int, unit: str) -> ChannelReadings:
-    ambient = readings.ambient[np.isfinite(readings.ambient[:, place]), place]
+def _channel(readings: Demodulated, kept: Demodulated | Averaged, index: int, unit: str) -> ChannelReadings:
+    ambient = readings.ambient[np.isfinite(readings.ambient[:, index]), index]
     mean, sd = (float(ambient.mean()), float(ambient.std())) if ambient.size else (np.nan, np.nan)
     emitters = {}
     for emitter in readings.emitters:
-        here = kept.emitter == emitter
-        there = here & np.isfinite(kept.signal[:, place])
-        if there.any():
-            values = kept.signal[there, place]
-            u = float(np.median(kept.u[there, place]))
-            clipped = int(kept.clipped[here, place].sum())
+        rows = kept.emitter == emitter
+        finite = rows & np.isfinite(kept.signal[:, index])
+        if finite.any():
+            values = kept.signal[finite, index]
+            u = float(np.median(kept.u[finite, index]))
+            clipped = int(kept.clipped[rows, index].sum())
             emitters[emitter] = EmitterReadings(float(values.mean()), float(values.std()), u, clipped)
-    return ChannelReadings(unit, emitters, mean, sd, float(readings.slot_sd[place]))
+    return ChannelReadings(unit, emitters, mean, sd, float(readings.slot_sd[index]))
 
 
 def _rejection(result: Switched, options: DemodulationOptions) -> tuple[Rejection, ...]:
@@ -214,11 +214,11 @@ def _rejection(result: Switched, options: DemodulationOptions) -> tuple[Rejectio
         return ()
     hz, slot_s = np.array(REPORTED_HZ), result.slot_s
     two_sided, one_sided = (rejection_dB(gain(hz, period_s, slot_s, kernel)) for kernel in ("two-sided", "one-sided"))
-    if means is None:
-        return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided]).tolist())
-    left = gain(hz, period_s, slot_s, options.kernel) * mean_gain(hz, period_s, means.readings)
-    with_mean = rejection_dB(np.maximum(left, 1e-10))
-    return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided, with_mean]).tolist())
+    columns = [hz, two_sided, one_sided]
+    if means is not None:
+        remaining = gain(hz, period_s, slot_s, options.kernel) * mean_gain(hz, period_s, means.readings)
+        columns.append(rejection_dB(np.maximum(remaining, 1e-10)))
+    return tuple(Rejection(*row) for row in np.column_stack(columns).tolist())
 
 
 def _warnings(result: Switched) -> list[Caution]:
@@ -226,13 +226,14 @@ def _warnings(result: Switched) -> list[Caution]:
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
-        *([] if means is None or not means.left_out else [warning(_LEFT_OUT.format(means.left_out))]),
+        *([] if means is None or not means.omitted else [warning(f"{means.omitted} {_OMITTED}")]),
         *swapped(samples, readings),
+        *unresolved_flicker(result),
         *([] if samples.clock is None else _clock_warnings(samples.clock)),
     ]
 
 
-_LEFT_OUT = "{} readings do not fill a whole mains period and are omitted from the means"
+_OMITTED = "readings are omitted from the means, because they do not fill a block of whole mains periods"
 
 
 def _count_warnings(readings: Demodulated) -> list[Caution]:
@@ -245,18 +246,14 @@ def _count_warnings(readings: Demodulated) -> list[Caution]:
     if counts.without_off:
         warnings.append(warning(f"{counts.without_off} on slots have no off slot nearby and give no reading"))
     if counts.one_sided > 2 * len(readings.emitters):
-        one_sided = (
-            "readings have an off slot on one side only, so a linear change in the ambient "
-            "light is not removed from them"
-        )
+        one_sided = "readings have an off slot on one side only, so a linear change in the ambient light is not removed"
         warnings.append(warning(f"{counts.one_sided} {one_sided}"))
     if counts.emptied:
         warnings.append(warning(f"{counts.emptied} slots contain no samples after settling: use a shorter --settle-us"))
     if counts.clipped:
         clipped = (
-            f"{counts.clipped} of {len(readings.time_s)} readings contain samples at a limit of their "
-            "channel; light from the "
-            "emitter or the room beyond the limit is not recorded (see --low and --high)"
+            f"{counts.clipped} of {len(readings.time_s)} readings contain samples at a limit of their channel, which "
+            "do not show the true light from the emitter or the room (see --low and --high)"
         )
         warnings.append(warning(clipped))
     return warnings
@@ -266,79 +263,90 @@ def _noise_warnings(readings: Demodulated) -> list[Caution]:
     if np.isnan(readings.slot_sd).all():
         return [warning("fewer than three off slots: the uncertainties are unknown")]
     if not np.nanmax(readings.slot_sd) > 0.0:
-        still = (
-            "off slots never change: the noise is smaller than the converter step, and uncertainties of 0 are not real"
+        constant = (
+            "off slots never change, because the noise is smaller than the step of the ADC: the true uncertainties are "
+            "larger than the reported 0"
         )
-        return [warning(still)]
+        return [warning(constant)]
     return []
 
 
 def _clock_warnings(clock: Clock) -> list[Caution]:
     warnings = []
-    if clock.between_share > SMOOTH:
+    if clock.between_share > MAX_TRANSITION:
         slow = (
             f"the transitions between on and off take {100.0 * clock.between_share:.0f} % of a period, which indicates "
-            "flicker or a slow receiver "
-            "rather than an emitter that switches"
+            "flicker or a slow receiver rather than an emitter that switches"
         )
         warnings.append(warning(slow))
-    if clock.clearness < CERTAIN:
-        warnings.append(
-            warning(f"the modulation is only {clock.clearness:.0f} times its noise, so the edges are uncertain")
-        )
+    if clock.clearness < MIN_CERTAIN:
+        weak = f"the modulation is only {clock.clearness:.0f} times its noise, so the edges are uncertain"
+        warnings.append(warning(weak))
     return warnings
 
 
 def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
-    """Warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
+    """Return a warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
     with np.errstate(invalid="ignore"):
-        off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
-    if len(readings.time_s) < MIN_TO_COMPARE or not (off > SWAPPED * on).all():
+        off, on = np.nanstd(readings.ambient, axis=0), np.nanstd(readings.ambient + readings.signal, axis=0)
+    if len(readings.time_s) < MIN_READINGS or not (off > MAX_OFF_TO_ON * on).all():
         return []
     remedy = "the state column" if samples.clock is None else "--on"
-    varies = (
-        f"readings with the emitter off vary more than {SWAPPED:g} times as much as those with the emitter on; "
-        "the emitter's light "
-        f"follows the motion but ambient light does not, so on and off may be swapped ({remedy})"
+    text = (
+        f"voltages with the emitter off vary more than {MAX_OFF_TO_ON:g} times as much as those with the emitter on, "
+        "although the emitter's light follows the motion and ambient light does not: on and off may be swapped "
+        f"(check {remedy})"
     )
-    return [warning(varies)]
+    return [warning(text)]
+
+
+def unresolved_flicker(result: Switched) -> list[Caution]:
+    """Return a note about lamps whose flicker cannot be distinguished from the light of the emitter."""
+    if not result.unresolved_hz:
+        return []
+    mains = " or ".join(f"{hz:g}" for hz in result.unresolved_hz)
+    return [
+        note(
+            f"flicker of lamps at a mains frequency of {mains} Hz cannot be distinguished from the emitter at this "
+            "switching rate and is not subtracted; use another rate if such lamps are on"
+        )
+    ]
 
 
 def readings_csv(result: Demodulation, recording: Recording) -> str:
     """Format the readings as CSV: time, emitter, and each channel's signal, uncertainty, ambient light and clipping.
 
-    The other columns of the recording follow, averaged over the samples in each reading. The last column is the
-    averaging time of a reading, unless a reading is a single sample.
+    The other columns of the recording follow, averaged over the samples in each reading, and then the averaging time of
+    a reading, unless it is a single sample.
     """
     kept, options = result.switched.kept, result.options
     columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
-    for place, (name, channel) in enumerate(result.channels.items()):
+    for index, (name, channel) in enumerate(result.channels.items()):
         plain, unit = re.sub(r"[,\s\"]+", "_", name), f" ({channel.unit})" if channel.unit else ""
-        heads = (f"{plain}{unit}", f"u_{plain}{unit}", f"ambient_{plain}{unit}", f"clipped_{plain}")
-        for head, values in zip(heads, (kept.signal, kept.u, kept.ambient, kept.clipped), strict=True):
-            columns[head] = values[:, place].tolist()
+        headers = (f"{plain}{unit}", f"u_{plain}{unit}", f"ambient_{plain}{unit}", f"clipped_{plain}")
+        for header, values in zip(headers, (kept.signal, kept.u, kept.ambient, kept.clipped), strict=True):
+            columns[header] = values[:, index].tolist()
     others = other_columns(recording, options)
     if others:
-        means = result.switched.beside(np.column_stack(list(others.values())))
-        columns |= {
-            head.replace(",", " ").replace('"', " "): one.tolist() for head, one in zip(others, means.T, strict=True)
-        }
+        means = result.switched.means_of(np.column_stack(list(others.values())))
+        headers_of_others = [re.sub('[,"]', " ", header) for header in others]
+        columns |= dict(zip(headers_of_others, means.T.tolist(), strict=True))
     if result.switched.window_s:
         columns["window (s)"] = [result.switched.window_s] * len(kept.time_s)
-    formats = [_format(head) for head in columns]
+    formats = [_format(header) for header in columns]
     rows = zip(*columns.values(), strict=True)
-    remarks = [f"# readings of {recording.provenance.file}: on minus off, {options.kernel}"]
+    comments = [f"# readings of {recording.provenance.file}: on minus off, {options.kernel}"]
     if result.means is not None:
-        remarks.append(f"# means of {result.means.readings} readings over whole periods of {options.mains_hz:g} Hz")
+        comments.append(f"# means of {result.means.readings} readings over whole periods of {options.mains_hz:g} Hz")
     if result.simulated:
-        remarks.append(SIMULATED_DATA.rstrip())
+        comments.append(SIMULATED_DATA.rstrip())
     table = [",".join(write(value) for write, value in zip(formats, row, strict=True)) for row in rows]
-    return "\n".join([*remarks, ",".join(map(csv_cell, columns)), *table]) + "\n"
+    return "\n".join([*comments, ",".join(map(csv_cell, columns)), *table]) + "\n"
 
 
-def _format(head: str) -> Callable[[Any], str]:
-    """Format a column: integers without decimals, times to the microsecond, missing values empty."""
-    if head == "emitter" or head.startswith("clipped_"):
+def _format(header: str) -> Callable[[Any], str]:
+    """Return the format of a column: integers without decimals, times to the microsecond, missing values empty."""
+    if header == "emitter" or header.startswith("clipped_"):
         return lambda value: str(int(value))
-    digits = ".6f" if head == "time_s" else ".9g"
+    digits = ".6f" if header == "time_s" else ".9g"
     return lambda value: "" if value != value else format(value, digits)

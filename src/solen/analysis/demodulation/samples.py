@@ -24,7 +24,7 @@ STATES = ("state", "emitter", "led", "emitter state")
 VOLTAGES = ("V", "mV", "µV")
 OFF_WORDS, ON_WORDS = ("off", "dark", "aus", "0", "false"), ("on", "light", "an", "ein", "1", "true")
 DEFAULT_SETTLE_US = 300.0
-"""Time omitted after a switch in a waveform: about ten time constants at 2 kΩ."""
+"""Time omitted after each switching edge in a waveform: about ten time constants of a receiver with a 2 kΩ load."""
 
 
 class DemodulationOptions(Options):
@@ -45,10 +45,10 @@ class DemodulationOptions(Options):
     on: On = "low"
     """Whether light makes the readings low, as with the paper's receivers, or high."""
     settle_us: Finite | None = Field(None, ge=0)
-    """Time omitted after each switch; default: 300 in a waveform, 0 with states."""
+    """Time omitted after each switching edge; default: 300 in a waveform, 0 with states."""
     kernel: Kernel = "two-sided"
-    """Off phases that are subtracted: two-sided for those before and after, one-sided for the one before (for
-    comparison).
+    """Off phases that are subtracted: two-sided for those before and after; one-sided for the one before, for
+    comparison.
     """
     mains_hz: Finite | None = Field(None, ge=0)
     """Mains frequency of flickering lamps, 50 or 60. Default: detected in a waveform, whose flicker is fitted to the
@@ -81,9 +81,9 @@ class Samples:
     state
         States (N,), numbered as in `solen.analysis.demodulation.slots`.
     settle_s
-        Time omitted after a switch.
+        Time omitted after a switching edge.
     clock
-        Clock, if states were detected in the waveform; None if they were recorded.
+        Emitter clock, if the states were detected in the waveform; None if they were recorded.
     """
 
     time_s: FloatArray
@@ -134,12 +134,12 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
     if settle_s >= clock.shorter_s:
         limit = f"leaves no sample of the shorter phase, which lasts {1e6 * clock.shorter_s:.0f} µs"
-        raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
+        raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="use a smaller value")
     return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
 
 
 def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
-    """Other numeric columns, e.g. a stage angle, at the samples (N,), by header.
+    """Return the other numeric columns, e.g. a stage angle, at the samples (N,), keyed by header.
 
     Missing numbers are interpolated; a column without numbers is omitted.
     """
@@ -151,12 +151,11 @@ def other_columns(recording: Recording, options: DemodulationOptions) -> dict[st
     used |= {state.name} if state is not None else set()
     columns = {}
     for channel in recording.channels:
-        there = kept & np.isfinite(channel.values)
-        if channel.name not in used and there.any():
+        known = kept & np.isfinite(channel.values)
+        if channel.name not in used and known.any():
             name, unit = _name_and_unit(channel)
-            columns[f"{name} ({unit})" if unit else name] = np.interp(
-                time_s[kept], time_s[there], channel.values[there]
-            )
+            header = f"{name} ({unit})" if unit else name
+            columns[header] = np.interp(time_s[kept], time_s[known], channel.values[known])
     return columns
 
 
@@ -167,11 +166,11 @@ def _time(recording: Recording, options: DemodulationOptions) -> Channel:
 
 
 def _channels(recording: Recording, options: DemodulationOptions, time: Channel) -> Sequence[Channel]:
-    """The named channels, or all voltages if none is named."""
+    """Return the named channels, or all voltages if none is named."""
     if options.channel:
         return [recording.channel(name) for name in dict.fromkeys(options.channel)]
     free = [channel for channel in recording.channels if channel.name != time.name]
-    channels = [one for one in free if _name_and_unit(one)[1] in VOLTAGES] or receiver_columns(free)
+    channels = [channel for channel in free if _name_and_unit(channel)[1] in VOLTAGES] or receiver_columns(free)
     if not channels:
         limit = f"no column is in V; the columns are {', '.join(recording.names)}"
         raise SpecError("--channel", limit=limit, remedy="name the receiver columns")
@@ -179,7 +178,7 @@ def _channels(recording: Recording, options: DemodulationOptions, time: Channel)
 
 
 def _name_and_unit(channel: Channel) -> tuple[str, str]:
-    """Name and unit of a channel; a name such as ``right_V`` without a separate unit is split into name and unit."""
+    """Return the name and unit of a channel; a name with a unit, such as ``right_V``, is split into both."""
     stem, _, end = channel.name.rpartition("_")
     return (stem, end) if not channel.unit and stem and end in VOLTAGES else (channel.name, channel.unit)
 
@@ -189,7 +188,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States from a column of numbers or words; None if a rate is specified or there is no state column."""
+    """Return the states from a column of numbers or words; None with a specified rate or without a state column."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)
@@ -203,15 +202,15 @@ def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntAr
 
 def _states_of_numbers(channel: Channel) -> IntArray:
     values = np.where(np.isfinite(channel.values), channel.values, -1.0)
-    wrong = np.flatnonzero((values != np.rint(values)) | (values < -1.0))
-    if wrong.size:
-        limit = "must be a whole number: 0 if all emitters are off, otherwise the number of the emitter that is on"
-        raise DataError(f"{channel.name} in row {int(wrong[0]) + 1}", value=float(values[wrong[0]]), limit=limit)
+    invalid = np.flatnonzero((values != np.rint(values)) | (values < -1.0))
+    if invalid.size:
+        limit = "must be an integer: 0 if all emitters are off, otherwise the number of the emitter that is on"
+        raise DataError(f"{channel.name} in row {int(invalid[0]) + 1}", value=float(values[invalid[0]]), limit=limit)
     return values.astype(np.int64)
 
 
 def _state_of_word(text: str, row: int) -> int:
-    """State given by a word: off, on, on 2, emitter 2; an empty word is a sample without a state."""
+    """Return the state for a word: off, on, on 2, emitter 2; an empty word is a sample without a state."""
     word = text.strip().casefold()
     if not word:
         return -1

@@ -14,9 +14,11 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 OFF, DROPPED = 0, -1
-"""Sample states: all emitters off, and not to be used. If an emitter is on, the state is its number, from 1."""
-BREAK = 1.5
-"""Time step, relative to the usual step, above which samples are missing."""
+"""States of samples with all emitters off, and of samples not to be used; otherwise the number of the emitter, from 1,
+that is on.
+"""
+MAX_STEP = 1.5
+"""Time step, relative to the median step, above which samples are missing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,7 @@ class Slots:
     mean
         Mean of each channel, (K, C); NaN if a channel has no sample.
     scatter
-        Noise of one sample, (C,), for each state, from differences between neighbours inside slots. Empty if slots are
+        Noise of a sample, (C,), keyed by state, from differences between neighbours inside slots. Empty if slots are
         single samples.
     samples
         Number of samples averaged in the channel with the most samples, (K,).
@@ -72,12 +74,12 @@ def slots_of(
     settle_s
         Time from a slot's first sample during which samples are omitted.
     limits
-        Lowest and highest value of each channel, both (C,); samples at a limit count as clipped.
+        Lowest and highest value of each channel, both (C,); samples at a limit are treated as clipped.
     clipped
         Which samples are clipped, (N, C), as an alternative to limits.
     gap_s
-        Gap between samples of the same state that separates two slots; by default one and a half usual steps. If every
-        phase is known to last longer, a smaller gap cannot hide a change of state.
+        Gap between samples of the same state that separates two slots; by default one and a half median steps. A longer
+        gap may be specified if every phase lasts longer, so that the gap cannot hide a change of state.
 
     Raises
     ------
@@ -101,58 +103,56 @@ def slots_of(
         mean = np.add.reduceat(np.where(valid, values, 0.0), starts, axis=0) / counts
         middle = np.add.reduceat(np.where(used, time_s, 0.0), starts) / kept
     at_limit = at_limit & used[:, None]
-    there, states = kept > 0, state[starts]
+    filled, states = kept > 0, state[starts]
     return Slots(
-        time_s=middle[there],
-        state=states[there],
-        mean=mean[there],
+        time_s=middle[filled],
+        state=states[filled],
+        mean=mean[filled],
         scatter=_scatter(values, valid, slot, states) if kept.max() > 1 else {},
-        samples=counts.max(axis=1)[there],
-        clipped=np.asarray(np.logical_or.reduceat(at_limit, starts, axis=0)[there]),
-        emptied=int(np.sum((states != DROPPED) & ~there)),
+        samples=counts.max(axis=1)[filled],
+        clipped=np.asarray(np.logical_or.reduceat(at_limit, starts, axis=0)[filled]),
+        emptied=int(np.sum((states != DROPPED) & ~filled)),
     )
 
 
 def _single(time_s: FloatArray, values: FloatArray, state: IntArray, settle_s: float, at_limit: BoolArray) -> Slots:
-    """Slots of one sample each; empty if samples are discarded for settling."""
-    there = (state != DROPPED) & (settle_s <= 0.0)
-    whole = bool(there.all())
-    mean = values if whole else values[there]
+    """Return slots of one sample each; there are none if samples are discarded for settling."""
+    filled = (state != DROPPED) & (settle_s <= 0.0)
+    rows = slice(None) if filled.all() else filled  # a slice copies nothing
+    mean = values[rows]
     finite = np.isfinite(mean)
     return Slots(
-        time_s=time_s if whole else time_s[there],
-        state=state if whole else state[there],
+        time_s=time_s[rows],
+        state=state[rows],
         mean=mean if finite.all() else np.where(finite, mean, np.nan),
         scatter={},
         samples=np.ones(len(mean), dtype=np.int64),
-        clipped=at_limit if whole else at_limit[there],
-        emptied=int(np.sum((state != DROPPED) & ~there)),
+        clipped=at_limit[rows],
+        emptied=int(np.sum((state != DROPPED) & ~filled)),
     )
 
 
 def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
     if values.ndim != 2 or not len(time_s) == len(values) == len(state) or not len(time_s):
-        shapes = f"{np.shape(time_s)}, {np.shape(values)}, {np.shape(state)}"
-        raise DataError(
-            "samples", value=shapes, limit="must be times (N,), values (N, C) and states (N,) of at least one sample"
-        )
-    late = np.flatnonzero(~(np.diff(time_s) > 0.0))
-    if late.size or not np.isfinite(time_s).all():
-        row = int(late[0]) + 1 if late.size else int(np.flatnonzero(~np.isfinite(time_s))[0])
-        raise DataError(
-            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the previous time"
-        )
+        shapes = f"have shapes {np.shape(time_s)}, {np.shape(values)}, {np.shape(state)}"
+        limit = f"{shapes}, but must be times (N,), values (N, C) and states (N,) of at least one sample"
+        raise DataError("samples", limit=limit)
+    back = np.flatnonzero(~(np.diff(time_s) > 0.0))
+    if back.size or not np.isfinite(time_s).all():
+        row = int(back[0]) + 1 if back.size else int(np.flatnonzero(~np.isfinite(time_s))[0])
+        limit = "must be later than the previous time"
+        raise DataError(f"time of sample {row + 1}", value=float(time_s[row]), limit=limit)
 
 
 def _begins(time_s: FloatArray, state: IntArray, gap_s: float | None) -> BoolArray:
-    """Whether a sample begins a slot, after a change of state or a gap in time."""
+    """Return whether each sample begins a slot, after a change of state or a gap in time."""
     steps = np.diff(time_s)
-    usual = BREAK * float(np.median(steps)) if steps.size else 0.0
-    return np.concatenate([[True], (np.diff(state) != 0) | (steps > max(usual, gap_s or 0.0))])
+    max_step = MAX_STEP * float(np.median(steps)) if steps.size else 0.0
+    return np.concatenate([[True], (np.diff(state) != 0) | (steps > max(max_step, gap_s or 0.0))])
 
 
 def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
-    """Which samples (N, C) are at or beyond a limit of their channel."""
+    """Return which samples (N, C) are at or outside a limit of their channel."""
     if limits is None:
         return np.broadcast_to(np.False_, values.shape)
     low, high = limits
@@ -161,13 +161,13 @@ def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) 
 
 
 def _scatter(values: FloatArray, valid: BoolArray, slot: IndexArray, states: IntArray) -> dict[int, FloatArray]:
-    """Noise of a sample inside slots, by state, from differences between neighbours, unaffected by slow changes."""
+    """Return the noise of a sample, keyed by state, from differences inside slots, which cancel slow changes."""
     inside = slot[1:] == slot[:-1]
-    there = valid[1:] & valid[:-1] & inside[:, None]
-    squares = np.where(there, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2
+    both_valid = valid[1:] & valid[:-1] & inside[:, None]
+    squares = np.where(both_valid, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2
     scatter = {}
     for state in np.unique(states[states != DROPPED]).tolist():
-        here = states[slot[1:]] == state
+        rows = states[slot[1:]] == state
         with np.errstate(invalid="ignore", divide="ignore"):
-            scatter[int(state)] = np.sqrt(0.5 * squares[here].sum(axis=0) / there[here].sum(axis=0))
+            scatter[int(state)] = np.sqrt(0.5 * squares[rows].sum(axis=0) / both_valid[rows].sum(axis=0))
     return scatter

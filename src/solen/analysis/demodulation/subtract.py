@@ -1,7 +1,7 @@
 """On minus off: the reading of each "on" slot without the simultaneous ambient light.
 
-The ambient light at the time of an "on" slot is interpolated linearly between the "off" slots before and after it. If
-both are equally far away, this is their mean. Constant light and light that changes at a constant rate are removed
+The ambient light at the time of an "on" slot is interpolated linearly between the "off" slots before and after it; if
+both are equally distant, this is their mean. Constant light and light that changes at a constant rate are removed
 exactly, for every emitter in a sequence. With only one "off" slot (one-sided), only constant light is removed.
 
 The uncertainty of a reading is estimated from the "off" slots themselves: the deviation of each slot from the line
@@ -19,15 +19,13 @@ from solen.analysis.demodulation.slots import OFF, Slots
 from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
-FAR = 1.5
-"""Distance to an "off" slot, relative to the usual distance for the emitter, above which a nearer "off" slot is
-missing.
-"""
+MAX_DISTANCE = 1.5
+"""Time to an "off" slot, relative to the median for the emitter, above which a nearer "off" slot must be missing."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of "on" slots, used and rejected; by emitter if they differ.
+    """Counts of "on" slots, used and rejected; ``readings`` and ``missing`` are keyed by emitter.
 
     ``missing`` slots of a regular sequence are not in the recording, ``without_off`` slots have no "off" slot nearby
     and give no reading, ``one_sided`` slots have an "off" slot on one side only, ``emptied`` slots contain no sample
@@ -51,17 +49,17 @@ class Demodulated:
     time_s, emitter, slot
         Time, emitter and index of the "on" slot of each reading, (M,).
     signal, u
-        On minus ambient, (M, C), negative if light pulls a voltage down, and its standard uncertainty.
+        On minus ambient, (M, C), negative if light lowers the voltage, and its standard uncertainty.
     ambient
-        Subtracted value, (M, C): the reading with the emitter off.
+        Subtracted value, (M, C): the voltage with the emitter off.
     one_sided
-        Whether only one "off" slot was near, (M,).
+        Whether only one "off" slot was nearby, (M,).
     clipped
         Whether a sample in the "on" slot or in its "off" slots was at a limit, (M, C).
     slot_sd
         Noise of a slot, (C,), from which the uncertainties follow; NaN with fewer than three "off" slots.
     period_s
-        Usual time between readings of one emitter; NaN with fewer than two.
+        Median time between readings of one emitter; NaN with fewer than two.
     counts
         Missing data.
     """
@@ -81,22 +79,22 @@ class Demodulated:
     @property
     def emitters(self) -> tuple[int, ...]:
         """Emitter numbers."""
-        return tuple(int(one) for one in np.unique(self.emitter))
+        return tuple(np.unique(self.emitter).tolist())
 
     def of(self, emitter: int) -> BoolArray:
-        """Whether each reading belongs to an emitter, (M,)."""
+        """Return whether each reading belongs to an emitter, (M,)."""
         return np.asarray(self.emitter == emitter)
 
 
-def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
-    """Typical change of ambient light between an "off" slot and the next reading, (C,), corrected for noise.
+def _drifts(slots: Slots, before: IntArray, after: IntArray, one_sided: BoolArray, off_sd: FloatArray) -> FloatArray:
+    """Return the RMS change of ambient light between an "off" slot and the next reading, (C,), corrected for noise.
 
-    It is half of the change between the "off" slots around a reading.
+    It is half of the change between the "off" slots before and after a reading.
     """
-    both = ~alone
-    if not both.any():
+    two_sided = ~one_sided
+    if not two_sided.any():
         return np.zeros(slots.mean.shape[1])
-    steps = slots.mean[after[both]] - slots.mean[before[both]]
+    steps = slots.mean[after[two_sided]] - slots.mean[before[two_sided]]
     known = np.isfinite(steps)
     mean = (np.where(known, steps, 0.0) ** 2).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return np.asarray(0.5 * np.sqrt(np.maximum(mean - 2.0 * np.nan_to_num(off_sd) ** 2, 0.0)))
@@ -122,26 +120,28 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
         limit = (
             f"requires slots with an emitter on and slots with all emitters off, but there are {on.size} and {off.size}"
         )
-        raise DataError("demodulation", limit=limit, remedy="shorten the settling" if slots.emptied else "")
-    before, after, there = _neighbours(slots, on, off)
+        remedy = "use a shorter settling time" if slots.emptied else ""
+        raise DataError("demodulation", limit=limit, remedy=remedy)
+    before, after, near = _neighbours(slots, on, off)
     if kernel == "one-sided":
-        there = there & np.array([True, False])
-    kept = there.any(axis=1)
-    on, before, after, there = on[kept], before[kept], after[kept], there[kept]
-    share = _share_of_after(slots.time_s, on, before, after, there)[:, None]
-    ambient = (1.0 - share) * slots.mean[before] + share * slots.mean[after]
+        near = near & np.array([True, False])
+    kept = near.any(axis=1)
+    on, before, after, near = on[kept], before[kept], after[kept], near[kept]
+    weight = _weight_of_after(slots.time_s, on, before, after, near)[:, None]
+    ambient = (1.0 - weight) * slots.mean[before] + weight * slots.mean[after]
     off_sd = slot_sd(slots)
-    u = np.sqrt(on_sd(slots, off_sd, slots.state[on]) ** 2 + ((1.0 - share) ** 2 + share**2) * off_sd**2)
-    alone = np.logical_not(there.all(axis=1))
-    u = np.where(alone[:, None], np.hypot(u, _drifts(slots, before, after, alone, off_sd)), u)
-    clipped = slots.clipped[on] | (slots.clipped[before] & (share < 1.0)) | (slots.clipped[after] & (share > 0.0))
+    u = np.sqrt(on_sd(slots, off_sd, slots.state[on]) ** 2 + ((1.0 - weight) ** 2 + weight**2) * off_sd**2)
+    one_sided = np.logical_not(near.all(axis=1))
+    u = np.where(one_sided[:, None], np.hypot(u, _drifts(slots, before, after, one_sided, off_sd)), u)
+    clipped = slots.clipped[on] | (slots.clipped[before] & (weight < 1.0)) | (slots.clipped[after] & (weight > 0.0))
     emitter = slots.state[on]
-    periods, missing = _cadence(slots)
+    emitters, readings = np.unique(emitter, return_counts=True)
+    periods, missing = _periods(slots)
     counts = Counts(
-        readings={int(one): int(np.sum(emitter == one)) for one in np.unique(emitter)},
+        readings=dict(zip(emitters.tolist(), readings.tolist(), strict=True)),
         missing=missing,
         without_off=int(np.sum(~kept)),
-        one_sided=0 if kernel == "one-sided" else int(np.sum(~there.all(axis=1))),
+        one_sided=0 if kernel == "one-sided" else int(one_sided.sum()),
         emptied=slots.emptied,
         clipped=int(np.sum(clipped.any(axis=1))),
     )
@@ -152,7 +152,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
         signal=slots.mean[on] - ambient,
         u=np.where(np.isfinite(ambient), u, np.nan),
         ambient=ambient,
-        one_sided=alone,
+        one_sided=one_sided,
         clipped=clipped,
         slot_sd=off_sd,
         period_s=float(np.median(periods)) if periods.size else float("nan"),
@@ -161,70 +161,68 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Noise of an "off" slot (C,), from deviations from the line between its neighbours; NaN for fewer than three.
+    """Return the noise of an "off" slot, (C,); NaN with fewer than three.
 
-    With a ``block``, the noise is estimated from the means of this many successive differences, and then excludes
-    flicker with whole periods in a block. For independent slots, such a mean varies by the slot noise divided by the
-    block length.
+    It follows from the deviation of each slot from the line between its neighbours. With a ``block``, it follows from
+    the means of this many successive deviations, and excludes flicker with whole periods in a block. For independent
+    slots, the standard deviation of such a mean is the slot noise divided by the block length.
     """
     off = np.flatnonzero(slots.state == OFF)
     if off.size < 3:
         return np.full(slots.mean.shape[1], np.nan)
     time, mean = slots.time_s[off], slots.mean[off]
-    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
-    left = mean[1:-1] - (1.0 - share) * mean[:-2] - share * mean[2:]
+    weight = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    deviation = mean[1:-1] - (1.0 - weight) * mean[:-2] - weight * mean[2:]
     if block == 1:
-        squares = left**2 / (1.0 + share**2 + (1.0 - share) ** 2)
+        squares = deviation**2 / (1.0 + weight**2 + (1.0 - weight) ** 2)
     else:
-        blocks = len(left) // block
-        squares = (block * left[: blocks * block].reshape(blocks, block, -1).mean(axis=1)) ** 2
-    there = np.isfinite(squares)
+        blocks = len(deviation) // block
+        squares = (block * deviation[: blocks * block].reshape(blocks, block, -1).mean(axis=1)) ** 2
+    finite = np.isfinite(squares)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.sqrt(np.where(there, squares, 0.0).sum(axis=0) / there.sum(axis=0)))
+        return np.asarray(np.sqrt(np.where(finite, squares, 0.0).sum(axis=0) / finite.sum(axis=0)))
 
 
 def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArray, IndexArray, BoolArray]:
-    """Nearest "off" slots before and after each "on" slot, and whether they exist and are near, (M, 2)."""
-    place = np.searchsorted(off, on)
-    first, last = place == 0, place == off.size
-    before, after = off[np.maximum(place - 1, 0)], off[np.minimum(place, off.size - 1)]
-    there = np.stack([~first, ~last], axis=1)
-    away = np.stack([slots.time_s[on] - slots.time_s[before], slots.time_s[after] - slots.time_s[on]], axis=1)
+    """Return the nearest "off" slots before and after each "on" slot, and whether they exist and are near, (M, 2)."""
+    following = np.searchsorted(off, on)
+    before, after = off[np.maximum(following - 1, 0)], off[np.minimum(following, off.size - 1)]
+    near = np.stack([following > 0, following < off.size], axis=1)
+    distance = np.stack([slots.time_s[on] - slots.time_s[before], slots.time_s[after] - slots.time_s[on]], axis=1)
     for emitter in np.unique(slots.state[on]):
-        here = slots.state[on] == emitter
+        rows = slots.state[on] == emitter
         for side in (0, 1):
-            known = here & there[:, side]
-            if known.any():
-                there[here, side] &= away[here, side] <= FAR * np.median(away[known, side])
-    return before, after, there
+            existing = rows & near[:, side]
+            if existing.any():
+                near[rows, side] &= distance[rows, side] <= MAX_DISTANCE * np.median(distance[existing, side])
+    return before, after, near
 
 
-def _share_of_after(
-    time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, there: BoolArray
+def _weight_of_after(
+    time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, near: BoolArray
 ) -> FloatArray:
-    """Weight of the following "off" slot, (M,): linear in time between the two slots, or 0 or 1 if only one exists."""
-    both = there.all(axis=1)
+    """Return the weight of the "off" slot after each "on" slot, (M,): linear in time, or 0 or 1 if only one is near."""
+    both = near.all(axis=1)
     span = np.where(both, time_s[after] - time_s[before], 1.0)
-    return np.where(both, (time_s[on] - time_s[before]) / span, np.where(there[:, 1], 1.0, 0.0))
+    return np.where(both, (time_s[on] - time_s[before]) / span, np.where(near[:, 1], 1.0, 0.0))
 
 
 def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
-    """Noise of the "on" slots (M, C) of emitters (M,): the larger of the "off" slot noise and the sample noise.
+    """Return the noise of "on" slots (M, C) of emitters (M,).
 
-    An illuminated receiver has more shot noise than a receiver in the dark.
+    It is the larger of the noise of an "off" slot and the noise of the samples divided by the square root of their
+    number, because an illuminated receiver has more shot noise than a receiver in the dark.
     """
-    found = np.broadcast_to(off_sd, (len(emitter), len(off_sd))).copy()
-    for one, scatter in slots.scatter.items():
-        if one == OFF:
-            continue
-        here = emitter == one
-        inside = scatter / np.sqrt(np.median(slots.samples[slots.state == one]))
-        found[here] = np.fmax(found[here], inside)
-    return found
+    sd = np.broadcast_to(off_sd, (len(emitter), len(off_sd))).copy()
+    for state, scatter in slots.scatter.items():
+        if state != OFF:
+            rows = emitter == state
+            sd[rows] = np.fmax(sd[rows], scatter / np.sqrt(np.median(slots.samples[slots.state == state])))
+    return sd
 
 
-def _cadence(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
-    """Usual period of each emitter that has one, and the number of missing slots for each emitter."""
+def _periods(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
+    """Return the median period of each emitter with several slots, and the number of missing slots of each emitter."""
     periods, missing = [], {}
     for emitter in np.unique(slots.state[slots.state > OFF]).tolist():
         steps = np.diff(slots.time_s[slots.state == emitter])

@@ -1,14 +1,14 @@
 """Diagnosis: design parameters of a sensor, determined from a recording.
 
-The traced response of a design, for an emitter with any decentre and chip width, is fitted to the mean curves of a
-recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the model misfit. A
-parameter that the recording does not determine is described in words instead of by a number.
+The traced response of a design, for an emitter of any decentre and chip width, is fitted to the mean curves of a
+recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the misfit of the
+model. For a parameter that the recording does not determine, there is an explanation instead of a number.
 
 Public name: `diagnosed_sensors`. Its steps are `Response.of`, which traces the response of a design, and `diagnosed`,
 which fits it to a `SensorResponse` and returns a `Diagnosis`; `words` describes the diagnosis in sentences.
 """
 
-from solen.analysis.diagnosis.curve_model import Bend, Model
+from solen.analysis.diagnosis.curve_model import LoadLines, Model
 from solen.analysis.diagnosis.design_response import Change, Response
 from solen.analysis.diagnosis.diagnose import Diagnosis, diagnosed
 from solen.analysis.diagnosis.least_squares import Cycles, fit
@@ -17,11 +17,11 @@ from solen.analysis.diagnosis.sensors import DiagnosisOptions, SensorDiagnoses, 
 from solen.analysis.diagnosis.summary import advice, words
 
 __all__ = [
-    "Bend",
     "Change",
     "Cycles",
     "Diagnosis",
     "DiagnosisOptions",
+    "LoadLines",
     "Model",
     "Response",
     "SensorDiagnoses",

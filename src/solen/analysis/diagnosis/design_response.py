@@ -1,13 +1,12 @@
 """Light at the receivers of a design, as a function of emitter position and width and of other tolerances.
 
 A table is computed for the design itself, and the change of this table for every other parameter that may differ
-(index, loss). The index and similar parameters have a small effect but shift the bends of the response, so a parabola
-through one step to each side is used where a straight line would be wrong by more than the noise. Loss attenuates the
+(index, loss). The index and similar parameters have a small effect but shift the bends of the response. A straight line
+would be wrong by more than the noise there, so a parabola through one step to each side is used. Loss attenuates the
 light exponentially along its path.
 
-The width of a chip enters as its square, the **spread** of the light about the chip centre. The effect of a narrow chip
-is proportional to its spread, so zero width is not a boundary of the fit. The fitted spread may be below 0, like any
-estimate of a number near 0.
+The width of a chip enters as its square, called **spread**. The effect of a narrow chip is proportional to its spread,
+so zero width is not a boundary of the fit. The fitted spread may be negative, like any estimate of a number near 0.
 
 Public name: `Response`. A `Change` is the effect of one parameter.
 """
@@ -30,13 +29,13 @@ STEP_U = 1.0
 """Step of a parameter, relative to its standard uncertainty."""
 LOSS_STEP = 0.01
 MIN_SPREAD_MM2 = 0.02**2
-"""Spread below which the response is interpolated linearly between the response at this spread and that of a point."""
-MIN_SHARE = 1e-9
+"""Spread below which the response is interpolated linearly between that of a point and that of this spread."""
+MIN_FRACTION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """Change of a table with a parameter: a parabola within one step to each side, straight lines beyond.
+    """Change of a table with a parameter: a parabola within one step to each side, straight lines outside.
 
     Attributes
     ----------
@@ -51,14 +50,14 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
+        """Return the change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
         x = by / self.step
-        end = min(max(x, -1.0), 1.0)
-        found = np.zeros((angle_deg.size, 2))
+        inner = min(max(x, -1.0), 1.0)
+        change = np.zeros((angle_deg.size, 2))
         for table, side in ((self.up, 1.0), (self.down, -1.0)):
-            weight = 0.5 * end * (end + side) + (x - end) * (end + 0.5 * side)
-            found += weight * table.chip(angle_deg, offset_mm, width_mm)
-        return found
+            weight = 0.5 * inner * (inner + side) + (x - inner) * (inner + 0.5 * side)
+            change += weight * table.chip(angle_deg, offset_mm, width_mm)
+        return change
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +69,13 @@ class Response:
     base
         Table of the design.
     changes
-        Change of the table with each parameter, by key.
+        Change of the table with each parameter, keyed by the parameter.
     lossy
-        The table with additional absorption `LOSS_STEP`, at some of the angles, minus the design's table.
+        The table with an additional absorption of `LOSS_STEP`, at some of the angles, minus the design's table.
     width_mm, offset_mm
         Chip width and decentre in the design.
-    u_share
-        Error of the tables as a fraction of a receiver's swing; the default applies to traced tables.
+    u_fraction
+        Standard uncertainty of the tables as a fraction of a receiver's swing; the default applies to traced tables.
     """
 
     base: Table
@@ -84,7 +83,7 @@ class Response:
     lossy: Table
     width_mm: float
     offset_mm: float
-    u_share: float = 1e-4
+    u_fraction: float = 1e-4
 
     @classmethod
     def of(
@@ -104,14 +103,14 @@ class Response:
         low_deg, high_deg
             Lowest and highest angle.
         spreads
-            Standard uncertainty of each parameter, by key.
+            Standard uncertainty of each parameter, keyed by the parameter.
         progress
             Called with the completed fraction.
 
         Raises
         ------
         SpecError
-            If a key does not belong to a real number that affects the light.
+            If a key is not that of a real number that affects the light.
         DesignError
             If the design cannot be traced point by point.
         """
@@ -121,21 +120,20 @@ class Response:
                 raise SpecError(key, limit=why, remedy="omit it")
         parts = 3.0 + 2.0 * len(spreads)
         in_space = sensor.design.trace.dimension == "extruded"
-        fine = angles_deg(low_deg, high_deg, STEP_IN_SPACE_DEG if in_space else STEP_DEG)
+        angles = angles_deg(low_deg, high_deg, STEP_IN_SPACE_DEG if in_space else STEP_DEG)
+        base = Table.of(sensor, angles, progress=part_of(progress, 0.0, parts, 2.0))
 
-        base = Table.of(sensor, fine, progress=part_of(progress, 0.0, parts, 2.0))
+        def change_of(other: Sensor, every: int, done: float) -> Table:
+            return Table.of(other, angles[::every], base, part_of(progress, done, parts, 1.0)).minus(base)
+
         changes = {}
         for n, (key, u) in enumerate(spreads.items()):
             step = STEP_U * u
-            up = Table.of(_moved(sensor, key, step), fine, base, part_of(progress, 2.0 + 2 * n, parts, 1.0)).minus(base)
-            down = Table.of(_moved(sensor, key, -step), fine, base, part_of(progress, 3.0 + 2 * n, parts, 1.0)).minus(
-                base
-            )
+            up = change_of(_changed(sensor, key, step), 1, 2.0 + 2 * n)
+            down = change_of(_changed(sensor, key, -step), 1, 3.0 + 2 * n)
             changes[key] = Change(step, up, down)
-        dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
-        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base, part_of(progress, parts - 1.0, parts, 1.0)).minus(
-            base
-        )
+        absorbing = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
+        lossy = change_of(_same_lens(absorbing, sensor), 4, parts - 1.0)
         return cls(base, changes, lossy, sensor.light.width_mm, sensor.design.emitter.offset_mm)
 
     @property
@@ -143,15 +141,15 @@ class Response:
         """Largest distance between a chip edge and the axis."""
         return self.base.reach_mm
 
-    def shares(
+    def fractions(
         self,
         angle_deg: FloatArray,
         offset_mm: float,
         spread_mm2: float,
-        moved: Mapping[str, float] | None = None,
+        deviations: Mapping[str, float] | None = None,
         loss_per_mm: float = 0.0,
     ) -> FloatArray:
-        """Fractions of the emitted power (n, 2), right and left, at angles (n,).
+        """Return the fractions of the emitted power (n, 2), right and left, at angles (n,).
 
         Parameters
         ----------
@@ -159,50 +157,57 @@ class Response:
             Angles within the range of the table.
         offset_mm, spread_mm2
             Decentre of the emitter, and the squared width of its chip.
-        moved
-            Parameter deviations from the design, by key.
+        deviations
+            Deviations of parameters from the design, keyed by the parameter.
         loss_per_mm
             Absorption coefficient in addition to the design's.
         """
+        deviations = deviations or {}
         if spread_mm2 >= MIN_SPREAD_MM2:
-            return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), moved or {}, loss_per_mm)
-        least = self._of_width(angle_deg, offset_mm, math.sqrt(MIN_SPREAD_MM2), moved or {}, loss_per_mm)
-        point = self._of_width(angle_deg, offset_mm, 0.0, moved or {}, loss_per_mm)
-        return np.asarray(point + (least - point) * (spread_mm2 / MIN_SPREAD_MM2))
+            return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), deviations, loss_per_mm)
+        narrow = self._of_width(angle_deg, offset_mm, math.sqrt(MIN_SPREAD_MM2), deviations, loss_per_mm)
+        point = self._of_width(angle_deg, offset_mm, 0.0, deviations, loss_per_mm)
+        return np.asarray(point + (narrow - point) * (spread_mm2 / MIN_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
-        """Mean path of the detected light in the material, from the derivative with respect to the absorption."""
-        plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
-        lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
-        return float(-math.log1p(lost / plain) / LOSS_STEP)
+        """Return the mean path of the detected light in the material, from its decrease with absorption."""
+        detected = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
+        change = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
+        return float(-math.log1p(change / detected) / LOSS_STEP)
 
     def _of_width(
-        self, angle_deg: FloatArray, offset_mm: float, width_mm: float, moved: Mapping[str, float], loss_per_mm: float
+        self,
+        angle_deg: FloatArray,
+        offset_mm: float,
+        width_mm: float,
+        deviations: Mapping[str, float],
+        loss_per_mm: float,
     ) -> FloatArray:
-        found = self.base.chip(angle_deg, offset_mm, width_mm)
-        for key, by in moved.items():
+        fractions = self.base.chip(angle_deg, offset_mm, width_mm)
+        for key, by in deviations.items():
             if by:
-                found = found + self.changes[key].chip(angle_deg, offset_mm, width_mm, by)
+                fractions = fractions + self.changes[key].chip(angle_deg, offset_mm, width_mm, by)
         if loss_per_mm:
-            share = 1.0 + self.lossy.chip(angle_deg, offset_mm, width_mm) / np.maximum(found, MIN_SHARE)
-            found = found * np.clip(share, 0.05, 1.0) ** (loss_per_mm / LOSS_STEP)
-        return found
+            change = self.lossy.chip(angle_deg, offset_mm, width_mm)
+            transmission = np.clip(1.0 + change / np.maximum(fractions, MIN_FRACTION), 0.05, 1.0)
+            fractions = fractions * transmission ** (loss_per_mm / LOSS_STEP)
+        return fractions
 
 
-def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
-    """The sensor with a parameter changed by ``by``."""
+def _changed(sensor: Sensor, key: str, by: float) -> Sensor:
+    """Return the sensor with a parameter changed by ``by``."""
     if key == INDEX:
         values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
         # the lens keeps the shape for which it was designed
         return replace(Sensor.of(with_values(sensor.design, values)), cut=sensor.cut)
     value = value_at(sensor.design, key)
     if not isinstance(value, float):
-        remedy = "set it in the design"
-        raise SpecError(key, value=value, limit="must be a real number specified in the design", remedy=remedy)
+        limit = "is not a real number specified in the design"
+        raise SpecError(key, value=value, limit=limit, remedy="set it in the design")
     try:
         return _same_lens(Sensor.of(with_values(sensor.design, {key: value + by})), sensor)
-    except SolenError as bad:
-        limit = f"{value + by:g} cannot be traced: {bad}"
+    except SolenError as error:
+        limit = f"{value + by:g} cannot be traced: {error}"
         raise SpecError(f"--spread {key}", limit=limit, remedy="specify a smaller spread") from None
 
 

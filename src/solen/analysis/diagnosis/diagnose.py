@@ -1,18 +1,19 @@
 """Diagnosis of a sensor: a fit of its design's traced response to the mean curves of its recording.
 
 All parameters that the recording determines are fitted. A parameter whose uncertainty exceeds its scale is fixed at the
-design value; the correlations in the fit of all parameters show which others it cannot be separated from.
+design value; the correlations in the fit before show with which others it is strongly correlated.
 
 Public names: `cycles_of`, `diagnosed` and `Diagnosis`.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
-from solen.analysis.diagnosis.curve_model import INDEX, LOSS, OFFSET, SPREAD, ZERO, Bend, Model
+from solen.analysis.diagnosis.curve_model import INDEX, LOSS, OFFSET, SPREAD, ZERO, LoadLines, Model
 from solen.analysis.diagnosis.design_response import Response
 from solen.analysis.diagnosis.least_squares import Cycles, Fitted, fit
 from solen.analysis.response import Passes
@@ -25,16 +26,17 @@ from solen.sensor.acceptance import SIDES
 
 MIN_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003
-"""Usual standard uncertainties of the zero angle and of the refractive index of a print."""
-BEYOND_DEG = 0.5
-"""Range beyond the recorded angles in which the response is traced, to allow for a different zero of the angle."""
-PARTNER = 0.9
-"""Correlation above which an undetermined parameter cannot be separated from another parameter."""
-HELD_FIRST = (LOSS, SPREAD, OFFSET)
-POOREST = 0.98
+"""Default standard uncertainties of the zero angle and of the refractive index of a print."""
+MARGIN_DEG = 0.5
+"""Range outside the recorded angles in which the response is traced, to allow for a different zero of the angle."""
+MIN_CORRELATION = 0.9
+"""Correlation above which a parameter is given as a reason why another is not determined."""
+FIXED_FIRST = (LOSS, SPREAD, OFFSET)
+"""Parameters that are fixed if the recording does not determine all parameters, in this order."""
+MAX_LOSS_CORRELATION = 0.98
 """Correlation with a gain above which a loss is not determined, because it would absorb any misfit of the model."""
-POOR = 0.95
-"""Correlation above which two parameters are poorly separated."""
+MAX_CORRELATION = 0.95
+"""Correlation above which two parameters are reported as strongly correlated."""
 
 
 class ParameterEstimate(Result, eq=True):
@@ -90,25 +92,25 @@ class Diagnosis:
     fitted
         The fit.
     estimates
-        Estimate of every parameter, by name.
-    held
+        Estimate of every parameter, keyed by name.
+    undetermined
         Parameters that the recording does not determine, each with the parameters correlated with it.
-    poor
-        Pairs of parameters that are poorly separated, with their correlation.
+    correlated
+        Pairs of strongly correlated parameters, with their correlation.
     correlations
         Correlations of the fitted parameters, (a, a), in the order of ``fitted.active``.
-    left_out
-        Fraction of the angles that are omitted, by receiver.
+    omitted
+        Fraction of the angles that are omitted, keyed by receiver.
     """
 
     label: str
     cycles: Cycles
     fitted: Fitted
     estimates: dict[str, ParameterEstimate]
-    held: dict[str, tuple[str, ...]]
-    poor: tuple[tuple[str, str, float], ...]
+    undetermined: dict[str, tuple[str, ...]]
+    correlated: tuple[tuple[str, str, float], ...]
     correlations: FloatArray
-    left_out: dict[str, float]
+    omitted: dict[str, float]
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -117,38 +119,36 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Indices of the right and left receivers, one of which may be missing; `DataError` if both are missing."""
+    """Return the indices of the right and left receivers, of which one may be missing; raise `DataError` otherwise."""
     sides: dict[str, int] = {}
     receivers = list(receivers)
-    for place, name in enumerate(receivers):
+    for index, name in enumerate(receivers):
         side = side_of(name)
         if side and side in sides:
             limit = f"{receivers[sides[side]]} and {name} are both recognised as the {side} receiver"
-            raise DataError(
-                "receivers", limit=limit, remedy="name one receiver on each side with --channel left=… right=…"
-            )
+            remedy = "name one receiver on each side with --channel left=… right=…"
+            raise DataError("receivers", limit=limit, remedy=remedy)
         if side:
-            sides[side] = place
+            sides[side] = index
     if not sides:
         limit = f"the receiver names {', '.join(receivers)} do not distinguish right from left"
         raise DataError("receivers", limit=limit, remedy="name them with --channel left=… right=…")
     return {side: sides[side] for side in SIDES if side in sides}
 
 
-def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
-    """Curves of each cycle for the specified receivers: the mean of both directions, or the only direction."""
-    hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
-    there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
-    both = np.where(there, 1.0, 0.0)
-    ways = both.sum(axis=1)
-    return Cycles(passes.angle_deg, np.where(both > 0.0, hidden, 0.0).sum(axis=1) / np.maximum(ways, 1.0))
+def cycles_of(passes: Passes, receivers: Sequence[int]) -> Cycles:
+    """Return the curves of each cycle for some receivers: the mean of both directions, or the only direction."""
+    volts = np.where(passes.clipped, np.nan, passes.volts)[..., list(receivers)]
+    recorded = np.isfinite(volts).any(axis=(0, 2, 3), keepdims=True)
+    directions = np.maximum(recorded.sum(axis=1), 1)
+    return Cycles(passes.angle_deg, np.where(recorded, volts, 0.0).sum(axis=1) / directions)
 
 
 def diagnosed(
     sensor: SensorResponse,
     response: Response,
-    known: Mapping[str, float] | None = None,
-    bend: Bend | None = None,
+    priors: Mapping[str, float] | None = None,
+    load_lines: LoadLines | None = None,
     *,
     rising: bool = False,
 ) -> Diagnosis:
@@ -159,11 +159,11 @@ def diagnosed(
     sensor
         Response of a sensor whose receivers are named left and right.
     response
-        Response of its design, over its angles and `BEYOND_DEG` more on both sides.
-    known
-        Standard uncertainties of priors: ``angle.zero_deg``, and the keys of the response's changes.
-    bend
-        Load line of the receivers in the order right, left, if their circuit is known.
+        Response of its design, over its angles and `MARGIN_DEG` more on both sides.
+    priors
+        Standard uncertainties of the priors: of ``angle.zero_deg``, and of the keys of the response's changes.
+    load_lines
+        Load lines of the receivers in the order right, left, if their circuit is known.
     rising
         Whether more light gives a higher voltage.
 
@@ -172,34 +172,42 @@ def diagnosed(
     DataError
         If too few angles remain, or a receiver does not respond like the design.
     """
-    places = sides_of(sensor.receivers)
-    cycles = cycles_of(sensor.passes, list(places.values()))
+    receivers = sides_of(sensor.receivers)
+    cycles = cycles_of(sensor.passes, list(receivers.values()))
     if rising:
         cycles = Cycles(cycles.angle_deg, -cycles.volts)
-    _check(sensor, cycles, places)
-    spreads = {ZERO: ZERO_U_DEG, INDEX: INDEX_U} | dict(known or {})
+    sides = tuple(receivers)
+    _check(sensor, cycles, sides)
+    spreads = {ZERO: ZERO_U_DEG, INDEX: INDEX_U} | dict(priors or {})
     spacing = spacing_deg(sensor)
-    model = Model.of(response, cycles.angle_deg, tuple(places), cycles.swing_V, spreads, bend, spacing)
-    fitted, held = _determined(model, cycles)
-    _check_signs(sensor, fitted, places)
+    model = Model.of(response, cycles.angle_deg, sides, cycles.swing_V, spreads, load_lines, spacing)
+    fitted, undetermined = _determined(model, cycles)
+    _check_signs(sensor, fitted)
     correlations = _correlations(fitted)
-    left_out = {side: float(1.0 - cycles.valid[:, n].mean()) for n, side in enumerate(places)}
-    estimates = _estimates(fitted, held)
-    return Diagnosis(sensor.label, cycles, fitted, estimates, held, _poor(fitted, correlations), correlations, left_out)
+    return Diagnosis(
+        label=sensor.label,
+        cycles=cycles,
+        fitted=fitted,
+        estimates=_estimates(fitted, undetermined),
+        undetermined=undetermined,
+        correlated=_correlated(fitted, correlations),
+        correlations=correlations,
+        omitted={side: float(1.0 - cycles.valid[:, n].mean()) for n, side in enumerate(sides)},
+    )
 
 
 def spacing_deg(sensor: SensorResponse) -> float:
-    """Typical angle between samples of the coarsest recording."""
-    found = []
+    """Return the median angle between samples of the coarsest recording."""
+    spacings = []
     for run in sensor.runs:
         angle = run.signals.angle_deg
         parts = [np.abs(np.diff(angle[ramp.start : ramp.stop])) for ramp in run.motion.ramps]
-        found.append(float(np.median(np.concatenate(parts))) if parts else 0.0)
-    return max(found, default=0.0)
+        spacings.append(float(np.median(np.concatenate(parts))) if parts else 0.0)
+    return max(spacings, default=0.0)
 
 
-def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) -> None:
-    for n, side in enumerate(places):
+def _check(sensor: SensorResponse, cycles: Cycles, sides: Sequence[str]) -> None:
+    for n, side in enumerate(sides):
         valid = int(cycles.valid[:, n].sum())
         if valid < MIN_ANGLES:
             limit = (
@@ -209,9 +217,9 @@ def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) ->
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
-def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, int]) -> None:
+def _check_signs(sensor: SensorResponse, fitted: Fitted) -> None:
     """Raise `DataError` for a negative gain, because the sensor was then mounted or named the other way round."""
-    for side in places:
+    for side in fitted.model.sides:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
             limit = (
@@ -223,38 +231,38 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
 
 
 def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[str, ...]]]:
-    """Fit the parameters that the curves determine, and return the fit and the names of the undetermined parameters."""
+    """Fit the parameters that the curves determine, and return the fit and the undetermined parameters.
+
+    Each undetermined parameter is returned with the parameters correlated with it.
+    """
     active = list(range(len(model.parameters)))
-    held: dict[str, tuple[str, ...]] = {}
+    undetermined: dict[str, tuple[str, ...]] = {}
     fitted = fit(model, cycles, active)
-    while (name := _undetermined(fitted)) is not None:
-        held[name] = _partners(fitted, name)
-        active.remove(model.places[name])
+    while (name := _next_undetermined(fitted)) is not None:
+        undetermined[name] = _correlated_with(fitted, name)
+        active.remove(model.indices[name])
         fitted = fit(model, cycles, active)
-    return fitted, held
+    return fitted, undetermined
 
 
-def _undetermined(fitted: Fitted) -> str | None:
-    """Next parameter to fix because its uncertainty is too large to be useful; None if there is none."""
-    model = fitted.model
-    free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
-    vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
-    fitted_names = {one.name for one in free}
-    if LOSS in fitted_names and any(name.startswith("gain") for name in _partners(fitted, LOSS, POOREST)):
+def _next_undetermined(fitted: Fitted) -> str | None:
+    """Return the next parameter to fix because its uncertainty is too large to be useful, or None if there is none."""
+    parameters = [fitted.model.parameters[index] for index in fitted.active]
+    free = [parameter for parameter in parameters if math.isinf(parameter.u_prior)]
+    uncertain = {parameter.name for parameter in free if not fitted.u(parameter.name) <= parameter.scale}
+    names = {parameter.name for parameter in free}
+    loss_partners = _correlated_with(fitted, LOSS, MAX_LOSS_CORRELATION) if LOSS in names else ()
+    if any(name.startswith("gain") for name in loss_partners):
         return LOSS
-    for name in HELD_FIRST if vague else ():
-        if name in fitted_names and (name in vague or any(v.startswith(("gain", "offset")) for v in vague)):
-            return name
-    return None
+    uncertain_circuit = any(name.startswith(("gain", "offset")) for name in uncertain)
+    return next((name for name in FIXED_FIRST if name in uncertain or (uncertain_circuit and name in names)), None)
 
 
-def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """Parameters correlated with the specified parameter, in the fit of all parameters."""
-    names = [fitted.model.parameters[place].name for place in fitted.active]
-    row = _correlations(fitted)[names.index(name)]
-    return tuple(
-        other for other, with_it in zip(names, row.tolist(), strict=True) if other != name and abs(with_it) > beyond
-    )
+def _correlated_with(fitted: Fitted, name: str, minimum: float = MIN_CORRELATION) -> tuple[str, ...]:
+    """Return the fitted parameters whose correlation with a parameter exceeds a minimum."""
+    names = fitted.names
+    row = np.abs(_correlations(fitted)[names.index(name)])
+    return tuple(other for other, value in zip(names, row, strict=True) if other != name and value > minimum)
 
 
 def _correlations(fitted: Fitted) -> FloatArray:
@@ -262,73 +270,73 @@ def _correlations(fitted: Fitted) -> FloatArray:
     return np.asarray(fitted.covariance / np.maximum(np.outer(sd, sd), 1e-300))
 
 
-def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of shape parameters that are poorly separated."""
-    names = [fitted.model.parameters[place].name for place in fitted.active]
-    found = []
-    for i, name in enumerate(names):
-        for j in range(i + 1, len(names)):
-            gains = name.startswith("gain") and names[j].startswith("gain")  # their ratio is reported
-            if abs(correlations[i, j]) > POOR and not gains and not names[j].startswith("offset"):
-                found.append((name, names[j], float(correlations[i, j])))
-    return tuple(found)
+def _correlated(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs of strongly correlated parameters, except for offsets and pairs of gains.
+
+    Two gains are not reported as correlated, because their ratio is reported.
+    """
+    pairs = []
+    for (i, first), (j, second) in combinations(enumerate(fitted.names), 2):
+        gains = first.startswith("gain") and second.startswith("gain")
+        if abs(correlations[i, j]) > MAX_CORRELATION and not gains and not second.startswith("offset"):
+            pairs.append((first, second, float(correlations[i, j])))
+    return tuple(pairs)
 
 
-def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, ParameterEstimate]:
+def _estimates(fitted: Fitted, undetermined: Collection[str]) -> dict[str, ParameterEstimate]:
     model = fitted.model
-    parameter_estimates = {
-        "emitter_offset_mm": _plain(fitted, OFFSET, "mm", held, model.response.offset_mm),
-        "chip_width_mm": _width(fitted, held),
-        "angle_zero_deg": _plain(fitted, ZERO, "deg", held),
-        "loss_per_mm": _plain(fitted, LOSS, "1/mm", held),
+    estimates = {
+        "emitter_offset_mm": _estimate(fitted, OFFSET, "mm", undetermined, model.response.offset_mm),
+        "chip_width_mm": _width(fitted, undetermined),
+        "angle_zero_deg": _estimate(fitted, ZERO, "deg", undetermined),
+        "loss_per_mm": _estimate(fitted, LOSS, "1/mm", undetermined),
     }
     for key in model.response.changes:
-        parameter_estimates[key] = _plain(fitted, key, key.rpartition("_")[2] if "_" in key else "", held)
+        estimates[key] = _estimate(fitted, key, key.rpartition("_")[2] if "_" in key else "", undetermined)
     for side in model.sides:
-        parameter_estimates[f"gain_{side}_V"] = _plain(fitted, f"gain {side}", "V", held)
-        parameter_estimates[f"offset_{side}_V"] = _plain(fitted, f"offset {side}", "V", held)
+        estimates[f"gain_{side}_V"] = _estimate(fitted, f"gain {side}", "V", undetermined)
+        estimates[f"offset_{side}_V"] = _estimate(fitted, f"offset {side}", "V", undetermined)
     if len(model.sides) == 2:
-        parameter_estimates["gain_ratio"] = _ratio(fitted)
-    return parameter_estimates
+        estimates["gain_ratio"] = _ratio(fitted)
+    return estimates
 
 
-def _plain(
-    fitted: Fitted, name: str, unit: str, held: Mapping[str, object], design: float | None = None
+def _estimate(
+    fitted: Fitted, name: str, unit: str, undetermined: Collection[str], design: float | None = None
 ) -> ParameterEstimate:
-    known = fitted.model.parameters[fitted.model.places[name]].known
-    u_prior = None if math.isinf(known) else known
-    if name in held:
+    u = fitted.model.parameters[fitted.model.indices[name]].u_prior
+    u_prior = None if math.isinf(u) else u
+    if name in undetermined:
         return ParameterEstimate(name, unit, design_value=design, u_prior=u_prior)
     value, half = fitted.value(name), fitted.half_width(name)
     narrow = fitted.half_width(name, 0.6827)
     return ParameterEstimate(name, unit, value, fitted.u(name), value - half, value + half, design, u_prior, narrow)
 
 
-def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
-    """Chip width from its square, whose interval is symmetric; the interval is truncated at 0."""
+def _width(fitted: Fitted, undetermined: Collection[str]) -> ParameterEstimate:
+    """Return the chip width from its square, whose interval is symmetric; the interval is truncated at 0."""
     design = fitted.model.response.width_mm
-    if SPREAD in held:
+    if SPREAD in undetermined:
         return ParameterEstimate("chip width", "mm", design_value=design)
-    value, half, u = fitted.value(SPREAD), fitted.half_width(SPREAD), fitted.u(SPREAD)
-    width = math.sqrt(max(value, 0.0))
-    low, high = (math.sqrt(max(value + sign * half, 0.0)) for sign in (-1.0, 1.0))
-    own_u = u / (2.0 * width) if value > 2.0 * u else None
-    narrow = None if own_u is None else fitted.half_width(SPREAD, 0.6827) / (2.0 * width)
-    return ParameterEstimate("chip width", "mm", width, own_u, low, high, design, None, narrow)
+    square, half, u_square = fitted.value(SPREAD), fitted.half_width(SPREAD), fitted.u(SPREAD)
+    width = math.sqrt(max(square, 0.0))
+    low, high = (math.sqrt(max(square + sign * half, 0.0)) for sign in (-1.0, 1.0))
+    u = u_square / (2.0 * width) if square > 2.0 * u_square else None
+    narrow = None if u is None else fitted.half_width(SPREAD, 0.6827) / (2.0 * width)
+    return ParameterEstimate("chip width", "mm", width, u, low, high, design, None, narrow)
 
 
 def _ratio(fitted: Fitted) -> ParameterEstimate:
-    """Ratio of the right receiver's gain to the left receiver's."""
-    places = [int(np.flatnonzero(fitted.active == fitted.model.places[f"gain {side}"])[0]) for side in SIDES]
+    """Return the ratio of the right receiver's gain to the left receiver's."""
+    rows = [fitted.names.index(f"gain {side}") for side in SIDES]
     right, left = (fitted.value(f"gain {side}") for side in SIDES)
-    block = fitted.covariance[np.ix_(places, places)]
     slope = np.array([1.0 / left, -right / left**2])
-    u = float(np.sqrt(max(slope @ block @ slope, 0.0)))
-    share = fitted.half_width("gain right") / fitted.u("gain right")
+    u = float(np.sqrt(max(slope @ fitted.covariance[np.ix_(rows, rows)] @ slope, 0.0)))
+    half = u * fitted.half_width("gain right") / fitted.u("gain right")
     ratio = right / left
-    return ParameterEstimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
+    return ParameterEstimate("gain ratio", "", ratio, u, ratio - half, ratio + half, None, None, u)
 
 
 def model_V(diagnosis: Diagnosis) -> FloatArray:
-    """Fitted curves (n, r)."""
+    """Return the fitted curves (n, r)."""
     return diagnosis.fitted.model.volts(diagnosis.fitted.values)

@@ -1,16 +1,17 @@
 """Least-squares fit of a model to mean curves, with uncertainties from the scatter of the cycles.
 
-The noise of a recording is not white: drift, flicker and lag correlate the errors of neighbouring angles. But **cycles
-are repetitions of each other**. The fit is by least squares, and every estimate is, to first order, a linear function
-of the curves. This function, applied to each cycle separately, gives the scatter of the estimate, whatever the
-correlations within a cycle. The mean of the estimate over n cycles follows Student's t distribution with n − 1 degrees
-of freedom. Two terms are added according to the law of propagation:
+The noise of a recording is not white: drift, flicker and lag correlate the errors of neighbouring angles. However,
+**cycles are repetitions of each other**. To first order, every estimate is a linear function of the curves. This
+function, applied to each cycle separately, gives the scatter of the estimate, whatever the correlations within a cycle.
+The mean of the estimate over n cycles follows Student's t distribution with n − 1 degrees of freedom. Two components
+are added according to the law of propagation of uncertainty:
 
 - priors (e.g. of the index), which enter the fit as observations;
-- **misfit**: deviations of the mean curves from the model beyond the scatter of the cycles, expressed as waves.
-  The wave amplitude is estimated from the waves that no parameter can absorb, and assumed for the others.
+- **misfit**: deviations of the mean curves from the model that exceed the scatter of the cycles, expressed as cosine
+  waves over the range. Their amplitude is estimated from the waves that no parameter can absorb, and assumed to be the
+  same for the others.
 
-The degrees of freedom of the sum follow Welch and Satterthwaite.
+The effective degrees of freedom of the sum follow Welch and Satterthwaite.
 
 Public names: `Cycles`, `fit` and `Fitted`.
 """
@@ -25,22 +26,24 @@ from solen.analysis.diagnosis.curve_model import OFFSET, SPREAD, Model
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.results import Result, reported
 
-STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
-STARTS_MM2 = (0.1**2, 0.25**2)
-TRIED = 3
-"""Number of starting values (chip decentres and spreads) that are refined in a fit.
-
-The starting values with the best linear fits are chosen. Parameters with priors are fixed at first.
+START_DECENTRES_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
+START_SPREADS_MM2 = (0.1**2, 0.25**2)
+"""Starting values of the emitter's decentre, relative to the design, and of the spread of its chip."""
+MAX_REFINED = 3
+"""Number of starting values that are refined, first with the parameters that have a prior fixed: those with the best
+linear fits.
 """
 WAVES = 12
-"""Number of half waves over the range of angles, from 0, that a misfit may contain."""
-SIGNIFICANT = 0.05
+"""Number of cosine waves, of 0, 1, 2 and so on half periods over the range of angles, that a misfit may contain."""
+MAX_CHANCE = 0.05
 """A misfit is significant if the probability of such a misfit by chance is below this value."""
-CURVES_SHARE = 2e-5
+MAX_CHANCE_ADDED = 0.16
+"""Largest such probability for which the misfit is added to the uncertainties."""
+CURVE_ERROR = 2e-5
 """Error common to the curves of all cycles, as a fraction of the swing, due to interpolation between log entries and to
 averaging over cells.
 """
-_ROUNDS = 60
+_MAX_ITERATIONS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ class Misfit(Result):
     Attributes
     ----------
     rms_V
-        Root mean square of the residuals by receiver (r,), right before left.
+        RMS residual of each receiver (r,), right before left.
     ratio, chance
         Mean square of the residual waves relative to the value expected from the scatter of the cycles, and the
         probability of such a ratio by chance; NaN for a single cycle.
@@ -97,7 +100,7 @@ class Misfit(Result):
     @reported
     def significant(self) -> bool:
         """Whether the misfit is significant."""
-        return bool(self.chance < SIGNIFICANT)
+        return bool(self.chance < MAX_CHANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,27 +133,32 @@ class Fitted:
     residual_V: FloatArray
     misfit: Misfit
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the fitted parameters."""
+        return [self.model.parameters[index].name for index in self.active]
+
     def u(self, name: str) -> float:
-        """Standard uncertainty of a parameter; inf if the parameter was not fitted."""
-        place = self._place(name)
-        return float(np.sqrt(self.covariance[place, place])) if place is not None else float("inf")
+        """Return the standard uncertainty of a parameter, or inf if the parameter was not fitted."""
+        row = self._row(name)
+        return float(np.sqrt(self.covariance[row, row])) if row is not None else float("inf")
 
     def value(self, name: str) -> float:
-        """Value of a parameter."""
-        return float(self.values[self.model.places[name]])
+        """Return the value of a parameter."""
+        return float(self.values[self.model.indices[name]])
 
     def half_width(self, name: str, level: float = 0.95) -> float:
-        """Half-width of the 95 % interval of a parameter, from Student's t distribution."""
+        """Return the half-width of the interval of a parameter at a level, from Student's t distribution."""
         from scipy.stats import t
 
-        place = self._place(name)
-        if place is None:
+        row = self._row(name)
+        if row is None:
             return float("inf")
-        return float(t.ppf(0.5 + 0.5 * level, self.freedom[place])) * self.u(name)
+        return float(t.ppf(0.5 + 0.5 * level, self.freedom[row])) * self.u(name)
 
-    def _place(self, name: str) -> int | None:
-        place = np.flatnonzero(self.active == self.model.places[name])
-        return int(place[0]) if place.size else None
+    def _row(self, name: str) -> int | None:
+        names = self.names
+        return names.index(name) if name in names else None
 
 
 def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray | None = None) -> Fitted:
@@ -167,179 +175,184 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
     start
         Starting values (p,); by default the best of several decentres.
     """
-    places = np.array(sorted(active), dtype=np.intp)
-    sd = _first_sd(cycles)
-    values = _started(model, cycles, places, sd) if start is None else _solved(model, cycles, places, sd, start)[0]
+    indices = np.array(sorted(active), dtype=np.intp)
+    sd = _mean_sd(cycles)
+    values = _started(model, cycles, indices, sd) if start is None else _solved(model, cycles, indices, sd, start)[0]
     residual = cycles.mean_V - model.volts(values)
-    again = np.sqrt(np.nanmean(residual**2, axis=0))
-    sd = np.maximum(sd, again)  # the misfit limits the weight of the curves
-    values = _solved(model, cycles, places, sd, values)[0]
-    return _fitted(model, cycles, places, sd, values)
+    rms = np.sqrt(np.nanmean(residual**2, axis=0))
+    sd = np.maximum(sd, rms)  # the misfit limits the weight of the curves
+    values = _solved(model, cycles, indices, sd, values)[0]
+    return _fitted(model, cycles, indices, sd, values)
 
 
-def _first_sd(cycles: Cycles) -> FloatArray:
-    """Standard deviation of each receiver's mean curve (r,), always greater than 0."""
+def _mean_sd(cycles: Cycles) -> FloatArray:
+    """Return the standard deviation of each receiver's mean curve (r,), always greater than 0."""
     count = len(cycles.volts)
-    least = 1e-6 * cycles.swing_V + 1e-12
+    minimum = 1e-6 * cycles.swing_V + 1e-12
     if count < 2:
-        return np.asarray(1e-3 * cycles.swing_V + least)
+        return np.asarray(1e-3 * cycles.swing_V + minimum)
     scatter = np.where(cycles.valid, cycles.volts.var(axis=0, ddof=1), np.nan)
-    return np.asarray(np.sqrt(np.nanmean(scatter, axis=0) / count) + least)
+    return np.asarray(np.sqrt(np.nanmean(scatter, axis=0) / count) + minimum)
 
 
-def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
-    """Parameter values fitted from the best of several starting points."""
-    spread = model.parameters[model.places[SPREAD]].start
-    free = {model.parameters[place].name for place in places}
-    begun = [
-        model.start(cycles.mean_V, model.response.offset_mm + offset, width)
-        for offset in (STARTS_MM if OFFSET in free else (0.0,))
-        for width in ({spread, *STARTS_MM2} if SPREAD in free else {spread})
+def _started(model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray) -> FloatArray:
+    """Return the parameter values fitted from the best of several starting points."""
+    parameters = model.parameters
+    spread_mm2 = parameters[model.indices[SPREAD]].start
+    free = {parameters[index].name for index in indices}
+    starts = [
+        model.start(cycles.mean_V, model.response.offset_mm + offset, spread)
+        for offset in (START_DECENTRES_MM if OFFSET in free else (0.0,))
+        for spread in ({spread_mm2, *START_SPREADS_MM2} if SPREAD in free else {spread_mm2})
     ]
-    costs = [_rest(model, cycles, places, sd, one)[1] for one in begun]
-    unknown = np.array([place for place in places if np.isinf(model.parameters[place].known)], dtype=np.intp)
-    nearest = [_solved(model, cycles, unknown, sd, begun[n]) for n in np.argsort(costs)[:TRIED]]
-    best = min(nearest, key=lambda one: one[1])[0]
-    return _solved(model, cycles, places, sd, best)[0]
+    costs = [_residuals(model, cycles, indices, sd, start)[1] for start in starts]
+    without_prior = np.array([index for index in indices if np.isinf(parameters[index].u_prior)], dtype=np.intp)
+    refined = [_solved(model, cycles, without_prior, sd, starts[n]) for n in np.argsort(costs)[:MAX_REFINED]]
+    best = min(refined, key=lambda result: result[1])[0]
+    return _solved(model, cycles, indices, sd, best)[0]
 
 
 def _solved(
-    model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
+    model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Values and sum of squares from the Levenberg-Marquardt method, with scaled parameters."""
-    scale = np.array([model.parameters[place].scale for place in places])
+    """Return the values and sum of squares from the Levenberg-Marquardt method, with scaled parameters."""
+    scale = np.array([model.parameters[index].scale for index in indices])
     values, damping = start.copy(), 1e-3
-    rest, cost = _rest(model, cycles, places, sd, values)
-    for _ in range(_ROUNDS):
-        table = _table(model, cycles, places, sd, values) * scale
-        normal, slope = table.T @ table, table.T @ rest
-        size = np.diag(normal) + 1e-12 * np.trace(normal)
+    residuals, cost = _residuals(model, cycles, indices, sd, values)
+    for _ in range(_MAX_ITERATIONS):
+        jacobian = _jacobian(model, cycles, indices, sd, values) * scale
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
+        diagonal = np.diag(normal) + 1e-12 * np.trace(normal)
         while True:
-            step = np.linalg.solve(normal + damping * np.diag(size), slope)
-            tried = values.copy()
-            tried[places] += scale * step
-            _keep_within(model, tried)
-            other, less = _rest(model, cycles, places, sd, tried)
-            if less <= cost or damping > 1e8:
+            step = np.linalg.solve(normal + damping * np.diag(diagonal), gradient)
+            new_values = values.copy()
+            new_values[indices] += scale * step
+            _keep_within(model, new_values)
+            new_residuals, new_cost = _residuals(model, cycles, indices, sd, new_values)
+            if new_cost <= cost or damping > 1e8:
                 break
             damping *= 8.0
-        if not less <= cost:
+        if not new_cost <= cost:
             break
-        gained, values, rest, cost = cost - less, tried, other, less
+        decrease, values, residuals, cost = cost - new_cost, new_values, new_residuals, new_cost
         damping = max(damping / 12.0, 1e-12)
-        if gained <= 1e-10 * (1e-12 + cost) and np.abs(step).max() < 1e-6:
+        if decrease <= 1e-10 * (1e-12 + cost) and np.abs(step).max() < 1e-6:
             break
     return values, cost
 
 
 def _keep_within(model: Model, values: FloatArray) -> None:
     """Limit the chip to the traced positions."""
-    reach, at = model.response.reach_mm, model.places
-    values[at[OFFSET]] = np.clip(values[at[OFFSET]], -0.6 * reach, 0.6 * reach)
-    most = 2.0 * (reach - abs(values[at[OFFSET]]))
-    values[at[SPREAD]] = np.clip(values[at[SPREAD]], -(0.1**2), most**2)
+    reach, offset, spread = model.response.reach_mm, model.indices[OFFSET], model.indices[SPREAD]
+    values[offset] = np.clip(values[offset], -0.6 * reach, 0.6 * reach)
+    max_width = 2.0 * (reach - abs(values[offset]))
+    values[spread] = np.clip(values[spread], -(0.1**2), max_width**2)
 
 
-def _rest(
-    model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray
+def _residuals(
+    model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Residuals of the mean curves and of the priors, in units of their standard deviations."""
-    left = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
-    prior = np.array([(model.parameters[p].start - values[p]) / model.parameters[p].known for p in places])
-    rest = np.concatenate([left, prior])
-    return rest, float(rest @ rest)
+    """Return the residuals of curves and priors, in units of their standard deviations, and their sum of squares."""
+    of_curves = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
+    of_priors = [(model.parameters[n].start - values[n]) / model.parameters[n].u_prior for n in indices]
+    residuals = np.concatenate([of_curves, of_priors])
+    return residuals, float(residuals @ residuals)
 
 
-def _table(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
-    """Derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
-    table = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
-    prior = np.diag([1.0 / model.parameters[p].known for p in places])
-    return np.concatenate([table, prior])
+def _jacobian(model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
+    of_curves = (model.jacobian(values, indices.tolist()) / sd[:, None])[cycles.valid]
+    of_priors = np.diag([1.0 / model.parameters[n].u_prior for n in indices])
+    return np.concatenate([of_curves, of_priors])
 
 
-def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> Fitted:
+def _fitted(model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray, values: FloatArray) -> Fitted:
+    """Return the fit, with its covariance and misfit; curves are in units of their standard deviations."""
     valid, count = cycles.valid, len(cycles.volts)
-    width = np.broadcast_to(sd, valid.shape)[valid]
-    table = (model.jacobian(values, places.tolist()) / sd[:, None])[valid]
-    scale = np.array([model.parameters[p].scale for p in places])
-    known = np.array([1.0 / model.parameters[p].known ** 2 for p in places])
-    inverse = _inverse(table.T @ table + np.diag(known), scale)
-    hat = inverse @ table.T  # for curves in units of their standard deviations
-    left = ((cycles.mean_V - model.volts(values)) / sd)[valid]
-    apart = ((cycles.volts - cycles.mean_V) / sd)[:, valid] if count > 1 else np.zeros((0, len(left)))
-    waves = _waves(cycles) * (np.broadcast_to(cycles.swing_V, valid.shape)[valid] / width)[:, None]
-    share, freedom, misfit = _misfit(left, apart, waves, table, hat, count)
-    moved = apart @ hat.T
-    scattered = moved.T @ moved / (count * (count - 1)) if count > 1 else _white(left, table, inverse)
-    through = hat @ waves
-    missed = share**2 * through @ through.T
-    floor = ((model.response.u_share**2 + CURVES_SHARE**2) / (0.5 * WAVES)) * through @ through.T
-    parts = [
-        (np.diag(scattered), float(count - 1) if count > 1 else max(len(left) - len(places), 1.0)),
-        (np.diag(missed), freedom),
-    ]
-    prior = inverse @ np.diag(known) @ inverse
-    covariance = scattered + missed + floor + prior
-    total = np.diag(covariance)
-    freedoms = total**2 / sum(np.maximum(part, 1e-300) ** 2 / nu for part, nu in parts)
-    residual = np.where(valid, cycles.mean_V - model.volts(values), np.nan)
-    rms = np.sqrt(np.nanmean(residual**2, axis=0))
-    misfit_of = Misfit(rms, *misfit, share * np.sqrt(0.5 * WAVES))
-    return Fitted(model, values, places, covariance, freedoms, residual, misfit_of)
+    sd_of_points = np.broadcast_to(sd, valid.shape)[valid]
+    jacobian = (model.jacobian(values, indices.tolist()) / sd[:, None])[valid]
+    scale = np.array([model.parameters[n].scale for n in indices])
+    priors = np.diag([1.0 / model.parameters[n].u_prior ** 2 for n in indices])
+    inverse = _inverse(jacobian.T @ jacobian + priors, scale)
+    estimator = inverse @ jacobian.T  # maps curves to estimates
+    residual_V = np.where(valid, cycles.mean_V - model.volts(values), np.nan)
+    residuals = (residual_V / sd)[valid]
+    deviations = ((cycles.volts - cycles.mean_V) / sd)[:, valid] if count > 1 else np.zeros((0, len(residuals)))
+    waves = _waves(cycles) * (np.broadcast_to(cycles.swing_V, valid.shape)[valid] / sd_of_points)[:, None]
+    amplitude, wave_freedom, test = _misfit(residuals, deviations, waves, jacobian, estimator, count)
+    estimates = deviations @ estimator.T
+    white = _white(residuals, jacobian, inverse)
+    scatter = estimates.T @ estimates / (count * (count - 1)) if count > 1 else white
+    by_wave = estimator @ waves
+    misfit = amplitude**2 * by_wave @ by_wave.T
+    model_error = ((model.response.u_fraction**2 + CURVE_ERROR**2) / (0.5 * WAVES)) * by_wave @ by_wave.T
+    covariance = scatter + misfit + model_error + inverse @ priors @ inverse
+    scatter_freedom = float(count - 1) if count > 1 else max(len(residuals) - len(indices), 1.0)
+    components = ((np.diag(scatter), scatter_freedom), (np.diag(misfit), wave_freedom))
+    freedom = np.diag(covariance) ** 2 / sum(np.maximum(part, 1e-300) ** 2 / nu for part, nu in components)
+    rms_V = np.sqrt(np.nanmean(residual_V**2, axis=0))
+    result = Misfit(rms_V, *test, amplitude * np.sqrt(0.5 * WAVES))
+    return Fitted(model, values, indices, covariance, freedom, residual_V, result)
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
-    """Inverse of a matrix of normal equations, computed with scaled parameters."""
+    """Return the inverse of a matrix of normal equations, computed with scaled parameters."""
     return np.asarray(np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
-def _white(left: FloatArray, table: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Covariance of a single cycle, estimated from its residuals."""
-    variance = float(left @ left) / max(len(left) - table.shape[1], 1)
-    return np.asarray(variance * inverse @ (table.T @ table) @ inverse)
+def _white(residuals: FloatArray, jacobian: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Return the covariance of the estimates from a single cycle, for white noise with the scatter of the residuals."""
+    variance = float(residuals @ residuals) / max(len(residuals) - jacobian.shape[1], 1)
+    return np.asarray(variance * inverse @ (jacobian.T @ jacobian) @ inverse)
 
 
 def _waves(cycles: Cycles) -> FloatArray:
-    """Cosines over the range for each receiver separately, (observations, r × WAVES)."""
+    """Return the cosines over the range for each receiver separately, (observations, r × WAVES)."""
     angle, valid = cycles.angle_deg, cycles.valid
     phase = np.pi * (angle - angle[0]) / (angle[-1] - angle[0])
-    one = np.cos(phase[:, None] * np.arange(WAVES))
+    cosines = np.cos(phase[:, None] * np.arange(WAVES))
     receivers = valid.shape[1]
     waves = np.zeros((*valid.shape, receivers * WAVES))
     for n in range(receivers):
-        waves[:, n, n * WAVES : (n + 1) * WAVES] = one
+        waves[:, n, n * WAVES : (n + 1) * WAVES] = cosines
     return np.asarray(waves[valid])
 
 
 def _misfit(
-    left: FloatArray, apart: FloatArray, waves: FloatArray, table: FloatArray, hat: FloatArray, count: int
+    residuals: FloatArray,
+    deviations: FloatArray,
+    waves: FloatArray,
+    jacobian: FloatArray,
+    estimator: FloatArray,
+    count: int,
 ) -> tuple[float, float, tuple[float, float]]:
-    """Size of the misfit waves, their degrees of freedom, and their ratio to the scatter with its probability."""
-    seen = waves - table @ (hat @ waves)
-    basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
-    basis = basis[:, sizes > 1e-3 * sizes[0]]
-    most, freedom = float(basis.shape[1]), float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
-    misfit = float(np.sum((basis.T @ left) ** 2))
-    through = float(np.sum((basis.T @ seen) ** 2))
+    """Return amplitude and degrees of freedom of the misfit waves, and their ratio to the scatter with its chance."""
+    unabsorbed = waves - jacobian @ (estimator @ waves)
+    basis, singular, _ = np.linalg.svd(unabsorbed, full_matrices=False)
+    basis = basis[:, singular > 1e-3 * singular[0]]
+    freedom = float(np.sum(singular**2) ** 2 / np.sum(singular**4))
+    misfit = float(np.sum((basis.T @ residuals) ** 2))
+    per_wave = float(np.sum((basis.T @ unabsorbed) ** 2))
     if count < 2:
         return 0.0, freedom, (np.nan, np.nan)
-    parts = (apart - apart @ hat.T @ table.T) @ basis
-    covariance = parts.T @ parts / (count * (count - 1))
+    components = (deviations - deviations @ estimator.T @ jacobian.T) @ basis
+    covariance = components.T @ components / (count * (count - 1))
     noise = float(np.trace(covariance))
     if not noise > 0.0:
-        return float(np.sqrt(misfit / through)), freedom, (np.inf, 0.0)
-    effective = _effective(covariance, most, count - 1)
+        return float(np.sqrt(misfit / per_wave)), freedom, (np.inf, 0.0)
+    effective = _effective(covariance, count - 1)
     ratio = misfit / noise
     chance = float(f_distribution.sf(ratio, effective, effective * (count - 1)))
-    beyond = max(misfit - noise, 0.0) / through if chance < 0.16 else 0.0
-    return float(np.sqrt(beyond)), freedom, (ratio, chance)
+    excess = max(misfit - noise, 0.0) / per_wave if chance < MAX_CHANCE_ADDED else 0.0
+    return float(np.sqrt(excess)), freedom, (ratio, chance)
 
 
-def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
-    """Effective number of independent waves, tr² C / tr C², from the scatter matrix S of a few deviations.
+def _effective(scatter: FloatArray, freedom: int) -> float:
+    """Return the effective number of independent waves, tr² C / tr C², from the scatter matrix S of a few deviations.
 
     The estimate uses E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
     """
+    size = float(len(scatter))
     trace, square = float(np.trace(scatter)), float(np.sum(scatter**2))
     unbiased = (square - trace**2 / freedom) / (1.0 + 1.0 / freedom)
-    return float(np.clip(trace**2 / max(unbiased, trace**2 / most), 1.0, most))
+    return float(np.clip(trace**2 / max(unbiased, trace**2 / size), 1.0, size))

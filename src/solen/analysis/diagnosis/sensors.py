@@ -1,7 +1,7 @@
 """Diagnosis of a study's sensors: the design of each sensor, its traced response, and the fit.
 
-A recording from a bench contains its designs; for other recordings the design is specified with an option. Sensors of
-the same design share its response.
+A recording from a bench contains its designs; for other recordings, an option specifies the design. Sensors of the same
+design share its traced response.
 
 Public names: `diagnosed_sensors` and `SensorDiagnoses`.
 """
@@ -14,11 +14,11 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from solen.analysis.calibration.conditions import header_of
-from solen.analysis.diagnosis.curve_model import INDEX, ZERO, Bend
+from solen.analysis.diagnosis.curve_model import INDEX, ZERO, LoadLines
 from solen.analysis.diagnosis.design_response import Response
 from solen.analysis.diagnosis.diagnose import (
-    BEYOND_DEG,
     INDEX_U,
+    MARGIN_DEG,
     ZERO_U_DEG,
     Diagnosis,
     ParameterEstimate,
@@ -43,8 +43,8 @@ from solen.spec.strict import Finite, Options, refused
 
 MAX_OUTSIDE_DEG = 0.5
 """Angle by which a recording may exceed the motion of its design without a warning."""
-FAR_OFF = 0.002
-"""Misfit as a fraction of the swing above which a model in the plane is reported as a possible cause."""
+MAX_PLANAR_MISFIT = 0.002
+"""Misfit, as a fraction of the swing, above which the model in the plane (2-D) is reported as a possible cause."""
 FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
 """Keys that are always fitted."""
 
@@ -57,10 +57,10 @@ class DiagnosisOptions(Options):
     sensor: tuple[str, ...] = ()
     """Labels of the sensors to diagnose; default: all."""
     spread: tuple[str, ...] = ()
-    """Parameter that varies from print to print, with its standard uncertainty, KEY=U, as in --spread
+    """Parameter that varies between prints, with its standard uncertainty, KEY=U, as in --spread
     emitter.distance_mm=0.02; default: material.index=0.003.
     """
-    zero_u_deg: Finite = Field(ZERO_U_DEG, gt=0, le=BEYOND_DEG)
+    zero_u_deg: Finite = Field(ZERO_U_DEG, gt=0, le=MARGIN_DEG)
     """Standard uncertainty of the angle at which the sensor is straight."""
     brighter: Literal["lower", "higher"] = "lower"
     """Whether more light gives a lower or a higher voltage."""
@@ -74,7 +74,7 @@ class DiagnosisOptions(Options):
             try:
                 positive = 0.0 < float(value) < float("inf")
             except ValueError:
-                remedy = "as in --spread emitter.distance_mm=0.02"
+                remedy = "write it as in --spread emitter.distance_mm=0.02"
                 raise refused("spread", "must be KEY=U", value=text, remedy=remedy) from None
             if not positive:
                 raise refused("spread", "must be greater than 0", value=text)
@@ -82,7 +82,7 @@ class DiagnosisOptions(Options):
 
     @property
     def spreads(self) -> dict[str, float]:
-        """Standard uncertainties by key; by default only that of the refractive index."""
+        """Standard uncertainties keyed by parameter; by default only that of the refractive index."""
         parts = [text.partition("=") for text in self.spread]
         return {INDEX: INDEX_U} | {key.strip(): float(value) for key, _, value in parts}
 
@@ -108,11 +108,11 @@ class SensorDiagnosis(Result):
     design
         Name of the design.
     drawn
-        True values of a simulated sensor, by key; None for a measured sensor.
+        True values of the parameters of a simulated sensor; None for a measured sensor.
     words, advice
         Results in words, one line for each parameter, and advice.
     parameters
-        Every parameter, by name.
+        Every parameter, keyed by name.
     not_determined
         Parameters that the recording does not determine, each with the parameters correlated with it.
     correlated, correlations
@@ -149,9 +149,9 @@ class SensorDiagnoses(Result):
     Attributes
     ----------
     sensors
-        Diagnosis of each sensor, by label.
+        Diagnosis of each sensor, keyed by label.
     prior
-        Standard uncertainties of the priors, by key.
+        Standard uncertainties of the priors, keyed by parameter.
     simulated
         Whether any recording is simulated.
     sources
@@ -168,8 +168,8 @@ class SensorDiagnoses(Result):
 
 
 @dataclass(frozen=True)
-class _Carried:
-    """Design stored in a sensor's recording, with its file name, and the deviations drawn in a simulation."""
+class _Recorded:
+    """Design stored in a sensor's recording, and the deviations drawn in a simulation."""
 
     design: Design | None = None
     drawn: Mapping[str, float] = field(default_factory=dict)
@@ -196,68 +196,73 @@ def diagnosed_sensors(
         If a sensor has no design, a key cannot be traced, or the curves do not respond like the design.
     """
     options = options or DiagnosisOptions()
-    sensors = _chosen(study, options)
-    stated = None if options.design is None else load(options.design)
-    carried = [_carried(sensor) for sensor in sensors]
-    designs = [_design(sensor, stated, own.design) for sensor, own in zip(sensors, carried, strict=True)]
-    low = min(float(sensor.passes.angle_deg[0]) for sensor in sensors) - BEYOND_DEG
-    high = max(float(sensor.passes.angle_deg[-1]) for sensor in sensors) + BEYOND_DEG
+    sensors = _selected(study, options)
+    specified = None if options.design is None else load(options.design)
+    recorded = [_recorded(sensor) for sensor in sensors]
+    designs = [_design(sensor, specified, entry.design) for sensor, entry in zip(sensors, recorded, strict=True)]
+    low = min(float(sensor.passes.angle_deg[0]) for sensor in sensors) - MARGIN_DEG
+    high = max(float(sensor.passes.angle_deg[-1]) for sensor in sensors) + MARGIN_DEG
     kinds = [(design, sensor.lens is not False) for sensor, design in zip(sensors, designs, strict=True)]
     distinct = [kind for n, kind in enumerate(kinds) if kind not in kinds[:n]]
     responses = [
         _response(*kind, low, high, options.spreads, part_of(progress, n, len(distinct)))
         for n, kind in enumerate(distinct)
     ]
-    made = {
-        sensor.label: _diagnosis(sensor, kind[0], own, responses[distinct.index(kind)], options)
-        for sensor, kind, own in zip(sensors, kinds, carried, strict=True)
+    diagnoses = {
+        sensor.label: _diagnosis(sensor, kind[0], entry, responses[distinct.index(kind)], options)
+        for sensor, kind, entry in zip(sensors, kinds, recorded, strict=True)
     }
-    own_warnings = [
-        prefixed(label if len(made) > 1 else "", line) for label, one in made.items() for line in one.warnings
+    warnings = [
+        prefixed(label if len(diagnoses) > 1 else "", caution)
+        for label, diagnosis in diagnoses.items()
+        for caution in diagnosis.warnings
     ]
     return SensorDiagnoses(
-        made,
+        diagnoses,
         {"angle_zero_deg": options.zero_u_deg} | options.spreads,
-        study.simulated or any(one.simulated for one in carried),
+        study.simulated or any(entry.simulated for entry in recorded),
         study.sources,
-        tuple(dict.fromkeys([*study.warnings, *own_warnings])),
+        tuple(dict.fromkeys([*study.warnings, *warnings])),
     )
 
 
-def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
+def _selected(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
     for name in options.sensor:
         if name not in study.sensors:
-            limit = f"no sensor has this name; the sensors are {', '.join(study.sensors)}"
-            raise SpecError("--sensor", value=name, limit=limit)
+            remedy = f"choose from {', '.join(study.sensors)}"
+            raise SpecError("--sensor", value=name, limit="no sensor has this name", remedy=remedy)
     return [sensor for sensor in study.sensors.values() if not options.sensor or sensor.label in options.sensor]
 
 
-def _carried(sensor: SensorResponse) -> _Carried:
-    """Design stored in the first recording of a sensor."""
+def _recorded(sensor: SensorResponse) -> _Recorded:
+    """Return the design and the deviations stored in the first recording of a sensor."""
     provenance = sensor.runs[0].signals.provenance
     header = header_of(provenance)
     name = provenance.metadata.get("sensor", sensor.label.rpartition(".")[2])
-    wires: dict[str, Any] = next((one for one in header.get("sensors", ()) if one.get("name") == name), {})
-    text = header.get("designs", {}).get(wires.get("design"))
-    design = None if text is None else loads(text, what=f"{provenance.file}: {wires['design']}")
-    drawn = {key: float(value) for key, value in wires.get("drawn", {}).items()}
-    return _Carried(design, drawn, bool(header.get("simulated", False)))
+    entries = (entry for entry in header.get("sensors", ()) if entry.get("name") == name)
+    entry: dict[str, Any] = next(entries, {})
+    text = header.get("designs", {}).get(entry.get("design"))
+    design = None if text is None else loads(text, what=f"{provenance.file}: {entry['design']}")
+    drawn = {key: float(value) for key, value in entry.get("drawn", {}).items()}
+    return _Recorded(design, drawn, bool(header.get("simulated", False)))
 
 
-def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
-    """Design of a sensor; `DataError` if there is no design, or if its motion differs from the recording's motion."""
-    if stated is None:
-        if own is None:
+def _design(sensor: SensorResponse, specified: Design | None, recorded: Design | None) -> Design:
+    """Return the design of a sensor; raise `DataError` without a design, or if its motion is not that recorded."""
+    if specified is None:
+        if recorded is None:
             remedy = "name its design file with --design"
             raise DataError(f"recording of {sensor.label}", limit="contains no design", remedy=remedy)
-        return own
-    for key in ("kind", "pivot", "moves") if own is not None else ():
-        ours, theirs = (_text(getattr(one.motion, key)) for one in (stated, own) if one is not None)
-        if ours != theirs:
-            limit = f"the recording of {sensor.label} was made with {theirs}"
-            remedy = "specify the motion of the recording, or omit --design"
-            raise DataError(f"--design: motion.{key}", value=ours, limit=limit, remedy=remedy)
-    return stated
+        return recorded
+    for key in ("kind", "pivot", "moves") if recorded is not None else ():
+        text, recorded_text = (
+            _text(getattr(design.motion, key)) for design in (specified, recorded) if design is not None
+        )
+        if text != recorded_text:
+            limit = f"the recording of {sensor.label} was made with {recorded_text}"
+            remedy = "use a design with the motion of the recording, or omit --design"
+            raise DataError(f"--design: motion.{key}", value=text, limit=limit, remedy=remedy)
+    return specified
 
 
 def _text(value: object) -> str:
@@ -273,26 +278,27 @@ def _response(
 
 
 def _diagnosis(
-    sensor: SensorResponse, design: Design, own: _Carried, response: Response, options: DiagnosisOptions
+    sensor: SensorResponse, design: Design, recorded: _Recorded, response: Response, options: DiagnosisOptions
 ) -> SensorDiagnosis:
     rising = options.brighter == "higher"
-    bend = None if rising else _bend(sensor, design, own)
+    load_lines = None if rising else _load_lines(sensor, design, recorded)
     warnings = list(_motion_warnings(sensor, design))
-    if bend is None:
-        straight = "the design contains no [readout] table, so voltages are assumed to fall in proportion to the light"
-        warnings.append(warning(straight))
-    diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
+    if load_lines is None:
+        reason = "with --brighter higher" if rising else "without a [readout] table in the design"
+        change = "rise" if rising else "fall"
+        warnings.append(warning(f"{reason}, voltages are assumed to {change} in proportion to the light"))
+    diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, load_lines, rising=rising)
     fitted = diagnosis.fitted
     return SensorDiagnosis(
         diagnosis=diagnosis,
         lens=sensor.lens,
         design=design.name,
-        drawn=own.drawn or None,
+        drawn=recorded.drawn or None,
         words=words(diagnosis),
         advice=advice(diagnosis),
         parameters=diagnosis.estimates,
-        not_determined=diagnosis.held,
-        correlated=tuple(fitted.model.parameters[place].name for place in fitted.active),
+        not_determined=diagnosis.undetermined,
+        correlated=tuple(fitted.names),
         correlations=diagnosis.correlations,
         cycles_used=len(diagnosis.cycles.volts),
         misfit=fitted.misfit,
@@ -309,15 +315,15 @@ def _curves(diagnosis: Diagnosis) -> dict[str, FittedCurve]:
     }
 
 
-def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
-    """Load lines of the receivers, if the design contains a readout or the recording is from a bench run."""
-    if own.design is None and "readout" not in design.model_fields_set:
+def _load_lines(sensor: SensorResponse, design: Design, recorded: _Recorded) -> LoadLines | None:
+    """Return the load lines of the receivers, if the design contains a readout or the recording is from a bench."""
+    if recorded.design is None and "readout" not in design.model_fields_set:
         return None
-    body = Sensor.of(design)
-    circuit = circuit_of(body.design, face_areas_mm2(body.design, body.body()))
-    ambient_V = sensor.runs[0].signals.ambient_V
-    room = [max(circuit.supply_V - ambient_V.get(side, circuit.supply_V), 0.0) for side in sides_of(sensor.receivers)]
-    return Bend.of(circuit, tuple(room))
+    traced = Sensor.of(design)
+    circuit = circuit_of(traced.design, face_areas_mm2(traced.design, traced.body()))
+    supply_V, ambient_V = circuit.supply_V, sensor.runs[0].signals.ambient_V
+    drops_V = [max(supply_V - ambient_V.get(side, supply_V), 0.0) for side in sides_of(sensor.receivers)]
+    return LoadLines.of(circuit, tuple(drops_V))
 
 
 def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution]:
@@ -331,35 +337,34 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution
 
 
 def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
-    """Warnings about the limits of a diagnosis."""
+    """Yield warnings about the limits of a diagnosis."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))
         yield warning(
-            f"the model deviates from the mean curves by more than the scatter of the cycles ({rms} rms, "
+            f"the model deviates from the mean curves by more than the scatter of the cycles (RMS {rms}, "
             f"{100.0 * misfit.share:.2g} % of the swing); the intervals include this misfit"
         )
-    if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
+    if misfit.significant and misfit.share > MAX_PLANAR_MISFIT and design.trace.dimension == "2d":
         yield warning(
-            "the model is in the plane, but the light of an emitter spreads in space: set "
-            'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
+            "the model is in the plane (2-D), but the light of the emitter spreads in space: set "
+            'trace.dimension = "extruded", with emitter.pattern and emitter.height_mm'
         )
     for key, change in diagnosis.fitted.model.response.changes.items():
-        off = diagnosis.fitted.value(key)
-        if abs(off) > change.step:
+        deviation = diagnosis.fitted.value(key)
+        if abs(deviation) > change.step:
             yield warning(
-                f"the estimate of {key} differs by {off:+.2g} from the design, but the response is traced only to "
-                f"±{change.step:.2g} and extrapolated linearly beyond, which affects all parameters; "
-                "diagnose again with a design "
-                "that has this value"
+                f"the estimate of {key} differs by {deviation:+.2g} from the design, but the response is traced only "
+                f"to ±{change.step:.2g} and extrapolated linearly outside, which affects all parameters; diagnose "
+                "again with a design that has this value"
             )
     if len(diagnosis.cycles.volts) == 1:
-        yield warning("one cycle: the intervals assume white noise and do not include drift and hysteresis")
-    for side, share in diagnosis.left_out.items():
-        if share > 0.0:
-            lack = f"{100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are omitted"
-            yield prefixed(side, warning(lack))
+        yield warning("only one cycle: the intervals assume white noise and do not include drift and hysteresis")
+    for side, fraction in diagnosis.omitted.items():
+        if fraction > 0.0:
+            text = f"{100.0 * fraction:.2g} % of the angles are clipped or missing in a cycle and are omitted"
+            yield prefixed(side, warning(text))
     if len(diagnosis.sides) == 1:
         yield warning(
-            f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width depend on it alone"
+            f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width follow from it alone"
         )

@@ -1,8 +1,9 @@
 """Calibration of a network from recordings of its motions: a forward map through its states, and cross-validation.
 
-All motions are calibrated together, from the stops of recordings that visit the network's states. A tenth of the states
-at a time is held out and decoded with a calibration from the others. If the readings cannot separate the motions,
-according to the derivatives and noise of the map, the calibration is rejected with an error that names the motions.
+All motions are calibrated together, from the stops of recordings that visit the network's states. For the
+cross-validation, a tenth of the states at a time is held out and decoded with a calibration from the others. If the
+derivatives and the noise of the map show that the readings do not determine the motions separately, the calibration is
+rejected with an error that names these motions.
 
 Public names: `calibrated_network` and `NetworkCalibrations`.
 """
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen import __version__
-from solen.analysis.calibration.decoder import OUTSIDE
+from solen.analysis.calibration.decoder import MIN_TAIL_PROBABILITY
 from solen.analysis.calibration.file import rows_as_tuples
 from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
@@ -23,37 +24,37 @@ from solen.analysis.network.recorded import NetworkReadings
 from solen.analysis.network.states import States, clipped_in, missing_slots, states_of
 from solen.arrays import BoolArray, FloatArray, joined_rows
 from solen.errors import DataError
-from solen.ranks import Caution, do_not_use, warning
+from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit, plain
 from solen.sensor.network.motions import Determination, determined, undetermined_sentences
 
-FOLDS, ROWS = 10, 15
-"""Number of parts of the states that are held out in turn, and number of rows from each stop that are then decoded."""
+FOLDS, DECODED_ROWS = 10, 15
+"""Number of parts of the states that are held out in turn, and number of rows of each stop that are then decoded."""
 CHECKED_STATES = 200
-"""Number of states in which the separation of the motions is checked."""
-WIDE = 4.0
-"""A combination of motions is not separated if this many of its standard deviations exceed its range."""
-MAX_LOST, SOME_LOST = 0.5, 0.02
-"""Fraction of the states with unseparated motions above which the calibration is rejected, and above which a warning is
-given.
+"""Number of states in which it is checked whether the motions can be determined separately."""
+BAND_WIDTH = 4.0
+"""Width of a band, in standard deviations; a combination of motions is not determined if its band exceeds its range."""
+MAX_UNSEPARATED, MAX_UNSEPARATED_NOTED = 0.5, 0.02
+"""Fraction of the states in which motions cannot be separated above which the calibration is rejected, and above which
+there is a warning.
 """
 TAIL = 0.1
 """Fraction of the held-out states' distances that form the tail."""
-FEW = 0.88
-"""Smallest fraction of readings within the 95 % bands without a warning."""
+MIN_WITHIN_95 = 0.88
+"""Smallest fraction of readings within the 95 % bands for which the calibration may be used."""
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
-    """Readings of states that a calibration does not contain: true angles (n, motions), and the decoded readings."""
+class HeldOut:
+    """Readings of states that the calibration does not contain: true angles (n, motions), and decoded readings."""
 
     angle_deg: FloatArray
     decoded: NetworkDecoded
 
     @classmethod
-    def joined(cls, parts: Sequence["LeftOut"]) -> "LeftOut":
-        """Join several sets of held-out readings into one."""
+    def joined(cls, parts: Sequence["HeldOut"]) -> "HeldOut":
+        """Join several sets of held-out readings."""
         true = np.concatenate([part.angle_deg for part in parts])
         return cls(true, joined_rows([part.decoded for part in parts]))
 
@@ -68,7 +69,7 @@ class NetworkCalibrations(Result):
     states
         Number of distinct states used.
     unseparated
-        Fraction of all states in which some motions cannot be separated.
+        Fraction of all states in which some motions cannot be determined separately.
     simulated
         Whether a recording is simulated.
     sources
@@ -83,7 +84,7 @@ class NetworkCalibrations(Result):
     simulated: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[Caution, ...]
-    left_out: LeftOut | None = field(default=None, metadata=HIDDEN)
+    held_out: HeldOut | None = field(default=None, metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain data; keys end in the unit of the readings instead of V."""
@@ -96,39 +97,32 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     Raises
     ------
     DataError
-        If the recordings differ in their columns, have too few states, or the readings cannot separate the motions.
+        If the recordings differ in their columns or have too few states, or the motions cannot be separated.
     """
     first = recordings[0]
-    alike = [first, *(_as(first, recording) for recording in recordings[1:])]
-    each = [states_of(one) for one in alike]
-    file = first.provenance.name
-    angle, signal = _joined(each)
-    least = len(first.motions) + 4
-    if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
-        still = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
-        limit = (
-            f"{still[0]} does not move" if still else (f"has {len(angle)} states, but at least {least} are required")
-        )
-        raise DataError(file, limit=limit, remedy="visit more states, e.g. with a [grid] in the protocol")
-    noise = _noise(each, alike)
+    ordered = [first, *(_in_order_of(first, recording) for recording in recordings[1:])]
+    stops = [states_of(recording) for recording in ordered]
+    angle, signal = _joined(stops)
+    _check_states(first, angle)
+    noise = _noise(stops, ordered)
     forward = ForwardMap.through(angle, signal)
     decoder = NetworkDecoder(forward, noise, len(angle) - len(first.motions) - 1)
-    lost, worst = _lost(first.motions, forward, decoder)
-    if lost > MAX_LOST and worst is not None:
+    unseparated, example = _unseparated(first.motions, forward, decoder)
+    if unseparated > MAX_UNSEPARATED and example is not None:
         remedy = "add an emitter or a receiver that separates them; solen sensitivity shows what a design determines"
-        raise DataError(file, limit=" and ".join(undetermined_sentences(worst)), remedy=remedy)
-    left_out = _left_out(alike, each, forward, noise)
-    checks = () if left_out is None else checks_of(first.motions, left_out)
+        raise DataError(first.provenance.name, limit=" and ".join(undetermined_sentences(example)), remedy=remedy)
+    held_out = _held_out(ordered, stops, forward, noise)
+    checks = () if held_out is None else checks_of(first.motions, held_out)
     warnings = [
-        *(line for one in alike for line in (*one.warnings, *missing_slots(one))),
-        *(line for one, states in zip(alike, each, strict=True) for line in clipped_in(one, states)),
-        *_cautions(checks, lost, worst),
-        *_on_a_grid(first.motions, angle),
+        *(caution for recording in ordered for caution in (*recording.warnings, *missing_slots(recording))),
+        *(caution for pair in zip(ordered, stops, strict=True) for caution in clipped_in(*pair)),
+        *_cautions(checks, unseparated, example),
+        *_grid_warnings(first.motions, angle),
     ]
     calibration = NetworkCalibration(
         solen=__version__,
         sensor=first.sensor,
-        simulated=any(one.provenance.simulated for one in alike),
+        simulated=any(recording.provenance.simulated for recording in ordered),
         unit=first.unit,
         ambient=first.ambient,
         motions=first.motions,
@@ -138,185 +132,206 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         angle_deg=rows_as_tuples(angle),
         signal_V=rows_as_tuples(signal),
         noise_V2=rows_as_tuples(noise),
-        reach=rows_as_tuples(forward.reach),
+        reach=rows_as_tuples(forward.length),
         scatter=tuple(forward.scatter.tolist()),
-        outside=_outside(left_out),
+        outside=_outside(held_out),
         checks=checks,
-        words=tuple(map(_words, checks)),
-        sources=tuple(plain(one.provenance) for one in alike),
+        words=tuple(map(_check_line, checks)),
+        sources=tuple(plain(recording.provenance) for recording in ordered),
         warnings=tuple(warnings),
     )
     return NetworkCalibrations(
         calibration=calibration,
         states=len(angle),
-        unseparated=lost,
+        unseparated=unseparated,
         simulated=calibration.simulated,
-        sources=tuple(one.provenance for one in alike),
+        sources=tuple(recording.provenance for recording in ordered),
         warnings=tuple(warnings),
-        left_out=left_out,
+        held_out=held_out,
     )
 
 
-def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
-    """Another recording with its columns in the order of the first recording; `DataError` if a column is missing."""
+def _in_order_of(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
+    """Return a recording with its columns in the order of the first recording; raise `DataError` if one is missing."""
     file = other.provenance.name
-    found = other.ordered(first.motions, first.emitters, first.receivers)
-    if not found.motions:
+    ordered = other.ordered(first.motions, first.emitters, first.receivers)
+    if not ordered.motions:
         limit = f"contains no angles for {', '.join(name for name in first.motions if name not in other.motions)}"
         raise DataError(file, limit=limit, remedy="calibrate with recordings of the same motions")
     if other.unit != first.unit:
-        raise DataError(file, value=other.unit, limit=f"has a unit other than {first.unit}")
-    return found
+        limit = f"contains readings in {other.unit}, but {first.provenance.name} in {first.unit}"
+        raise DataError(file, limit=limit, remedy="calibrate with recordings in the same unit")
+    return ordered
 
 
-def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
-    """Distinct states in all recordings, and their readings."""
-    whole = replace(
-        each[0],
-        angle_deg=np.concatenate([one.angle_deg for one in each]),
-        signal=np.concatenate([one.signal for one in each]),
-        u_signal=np.concatenate([one.u_signal for one in each]),
+def _check_states(first: NetworkReadings, angle: FloatArray) -> None:
+    """Raise `DataError` if there are too few states (n, motions), or a motion does not move."""
+    minimum = len(first.motions) + 4
+    stationary = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
+    if len(angle) < minimum or stationary:
+        limit = f"has {len(angle)} states, but at least {minimum} are required"
+        if stationary:
+            limit = f"{stationary[0]} does not move"
+        remedy = "visit more states, e.g. with a [grid] in the protocol"
+        raise DataError(first.provenance.name, limit=limit, remedy=remedy)
+
+
+def _joined(stops: Sequence[States]) -> tuple[FloatArray, FloatArray]:
+    """Return the distinct states in all recordings, and their readings."""
+    everything = replace(
+        stops[0],
+        angle_deg=np.concatenate([states.angle_deg for states in stops]),
+        signal=np.concatenate([states.signal for states in stops]),
+        u_signal=np.concatenate([states.u_signal for states in stops]),
     )
-    angle, signal, _ = whole.merged()
+    angle, signal, _ = everything.merged()
     return angle, signal
 
 
-def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
-    """Noise of all recordings, at least the noise of a uniform distribution over the smallest step of a reading."""
-    noise = np.mean([one.noise for one in each], axis=0)
+def _noise(stops: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
+    """Return the covariance of a reading, pooled over the recordings, with the rounding of the readings added."""
+    noise = np.mean([states.noise for states in stops], axis=0)
     values = np.concatenate([recording.signal.reshape(len(recording.signal), -1) for recording in recordings])
-    steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
-    least = np.array([step.min(initial=np.inf) if len(step) else np.inf for step in steps])
-    floor = np.where(np.isfinite(least), least, 1e-9) ** 2 / 12.0
-    return np.asarray(noise + np.diag(np.maximum(floor, 1e-18)))
+    differences = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
+    steps = np.array([difference.min(initial=np.inf) for difference in differences])
+    rounding = np.where(np.isfinite(steps), steps, 1e-9) ** 2 / 12.0
+    return np.asarray(noise + np.diag(np.maximum(rounding, 1e-18)))
 
 
-def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) -> tuple[float, Determination | None]:
-    """Fraction of the states within the ranges in which motions are not separated, and the combinations concerned.
+def _unseparated(
+    motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder
+) -> tuple[float, Determination | None]:
+    """Return the fraction of states in which motions cannot be separated, and one of these states.
 
-    The states are between the recorded states, where the slopes are those of the map.
+    The states are drawn at random from the ranges, because between the recorded states the slopes are those of the map.
     """
     angle = np.random.default_rng(0).uniform(forward.low, forward.high, (CHECKED_STATES, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
     span = np.maximum(forward.high - forward.low, 1e-12)
     _, variance = forward.at(angle)
-    u_slopes = np.sqrt(variance)[:, :, None] * np.sqrt(5.0 / 3.0) / (forward.reach * span)
-    found = [_with_range(determined(motions, *one), span) for one in zip(slopes, u_slopes, covariance, strict=True)]
-    lost = [one for one in found if not one.all_distinguished]
-    return len(lost) / len(found), lost[len(lost) // 2] if lost else None
+    u_slopes = np.sqrt(variance)[:, :, None] * np.sqrt(5.0 / 3.0) / (forward.length * span)
+    rows = zip(slopes, u_slopes, covariance, strict=True)
+    determinations = [_within_range(determined(motions, *row), span) for row in rows]
+    unseparated = [state for state in determinations if not state.all_distinguished]
+    fraction = len(unseparated) / len(determinations)
+    return fraction, unseparated[len(unseparated) // 2] if unseparated else None
 
 
-def _with_range(found: Determination, span: FloatArray) -> Determination:
-    """Copy in which a combination of motions counts as not determined if its band would contain its entire range."""
+def _within_range(determination: Determination, span: FloatArray) -> Determination:
+    """Return a copy in which combinations of motions whose band would exceed their range are not determined."""
     combinations = []
-    for combination in found.combinations:
+    for combination in determination.combinations:
         reach = float(np.sqrt(np.sum((np.array(list(combination.shares.values())) * span) ** 2)))
-        least = WIDE / (2.0 * reach)  # a combination is determined if it is at least twice its uncertainty
-        combinations.append(replace(combination, u_singular_per_deg=max(combination.u_singular_per_deg, least)))
+        minimum = BAND_WIDTH / (2.0 * reach)  # a combination is determined if it is at least twice its uncertainty
+        combinations.append(replace(combination, u_singular_per_deg=max(combination.u_singular_per_deg, minimum)))
     kept = [combination for combination in combinations if combination.is_determined]
-    rows = np.array([[*one.shares.values()] for one in kept]).reshape(len(kept), len(span))
-    scaled = rows / np.array([[one.singular_per_deg] for one in kept]).reshape(-1, 1)
-    return replace(found, combinations=tuple(combinations), covariance_deg2=scaled.T @ scaled)
+    rows = np.array([[*combination.shares.values()] for combination in kept]).reshape(len(kept), len(span))
+    scaled = rows / np.array([[combination.singular_per_deg] for combination in kept]).reshape(-1, 1)
+    return replace(determination, combinations=tuple(combinations), covariance_deg2=scaled.T @ scaled)
 
 
-def _left_out(
-    recordings: Sequence[NetworkReadings], each: Sequence[States], forward: ForwardMap, noise: FloatArray
-) -> LeftOut | None:
-    """Readings of each state, decoded with a calibration from the other parts; None if there are too few states."""
-    angle = np.concatenate([one.angle_deg for one in each])
-    signal = np.concatenate([one.signal for one in each])
+def _held_out(
+    recordings: Sequence[NetworkReadings], stops: Sequence[States], forward: ForwardMap, noise: FloatArray
+) -> HeldOut | None:
+    """Return the readings of each state, decoded with a calibration from the other folds; None with too few states."""
+    angle = np.concatenate([states.angle_deg for states in stops])
+    signal = np.concatenate([states.signal for states in stops])
     span = np.maximum(forward.high - forward.low, 1e-12)
     _, state = np.unique(np.rint((angle - forward.low) / span * 250.0), axis=0, return_inverse=True)
     fold = np.random.default_rng(0).permutation(int(state.max()) + 1)[state] % FOLDS
     if np.unique(state).size < 2 * FOLDS:
         return None
-    rows = [_some(recording, stop) for recording, states in zip(recordings, each, strict=True) for stop in states.rows]
+    pairs = zip(recordings, stops, strict=True)
+    rows = [_decoded_rows(recording, stop) for recording, states in pairs for stop in states.rows]
     ends = np.stack([forward.low, forward.high])
     parts = []
     for number in range(FOLDS):
         out: BoolArray = fold == number
-        inside = replace(each[0], angle_deg=angle[~out], signal=signal[~out], u_signal=0.0 * signal[~out])
-        kept, mean, _ = inside.merged()
-        made = ForwardMap.through(kept, mean, ends_deg=ends, reach=forward.reach, scatter=forward.scatter)
-        decoder = NetworkDecoder(made, noise, len(kept) - len(span) - 1)
-        held = np.flatnonzero(out).tolist()
-        true = np.concatenate([np.repeat(angle[one][None], len(rows[one]), axis=0) for one in held])
-        parts.append(LeftOut(np.clip(true, *ends), decoder.decode(np.concatenate([rows[one] for one in held]))))
-    return LeftOut.joined(parts)
+        others = replace(stops[0], angle_deg=angle[~out], signal=signal[~out], u_signal=0.0 * signal[~out])
+        kept, mean, _ = others.merged()
+        fold_map = ForwardMap.through(kept, mean, ends_deg=ends, length=forward.length, scatter=forward.scatter)
+        decoder = NetworkDecoder(fold_map, noise, len(kept) - len(span) - 1)
+        indices = np.flatnonzero(out).tolist()
+        true = np.concatenate([np.repeat(angle[index][None], len(rows[index]), axis=0) for index in indices])
+        decoded = decoder.decode(np.concatenate([rows[index] for index in indices]))
+        parts.append(HeldOut(np.clip(true, *ends), decoded))
+    return HeldOut.joined(parts)
 
 
-def _outside(left_out: LeftOut | None) -> float:
-    """Squared distance that few true readings exceed, from the tail for held-out states; 0 without such states.
+def _outside(held_out: HeldOut | None) -> float:
+    """Return the squared distance that few true readings exceed, from the held-out states; 0 if there are none.
 
-    Where a response has a sharp bend, the map error is larger than its variance indicates. The tail is assumed to be
-    exponential, with a mean equal to the mean excess.
+    Near a sharp bend of a response, the map error is larger than its variance indicates. The tail of the distances is
+    assumed to be exponential, with a mean equal to the mean excess.
     """
-    if left_out is None:
+    if held_out is None:
         return 0.0
-    distance = left_out.decoded.distance
+    distance = held_out.decoded.distance
     begin = float(np.quantile(distance, 1.0 - TAIL))
     excess = float((distance[distance >= begin] - begin).mean())
-    return begin + excess * math.log(TAIL / OUTSIDE)
+    return begin + excess * math.log(TAIL / MIN_TAIL_PROBABILITY)
 
 
-def _some(recording: NetworkReadings, stop: slice) -> FloatArray:
-    """Evenly spaced rows from the complete rows of a stop."""
+def _decoded_rows(recording: NetworkReadings, stop: slice) -> FloatArray:
+    """Return evenly spaced rows from the complete rows of a stop."""
     flat = recording.signal[stop].reshape(stop.stop - stop.start, -1)
-    whole = flat[np.isfinite(flat).all(axis=1)]
-    return np.asarray(whole[np.unique(np.linspace(0, len(whole) - 1, ROWS).astype(int))])
+    complete = flat[np.isfinite(flat).all(axis=1)]
+    return np.asarray(complete[np.unique(np.linspace(0, len(complete) - 1, DECODED_ROWS).astype(int))])
 
 
-def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, ...]:
-    """Errors and bands for each motion."""
-    decoded, true = left_out.decoded, left_out.angle_deg
+def checks_of(motions: Sequence[str], held_out: HeldOut) -> tuple[MotionCheck, ...]:
+    """Return the errors and bands for each motion."""
+    decoded, true = held_out.decoded, held_out.angle_deg
     error = decoded.angle_deg - true
     width = decoded.high_deg[..., 1] - decoded.low_deg[..., 1]
     within = [decoded.holds(true, level).mean(axis=0) for level in (0, 1)]
     return tuple(
         MotionCheck(
             motion=name,
-            rms_deg=float(np.sqrt(np.mean(error[:, place] ** 2))),
-            bias_deg=float(error[:, place].mean()),
-            worst_deg=float(np.abs(error[:, place]).max()),
-            band95_deg=float(np.median(width[:, place])),
-            within_68=float(within[0][place]),
-            within_95=float(within[1][place]),
+            rms_deg=float(np.sqrt(np.mean(error[:, n] ** 2))),
+            bias_deg=float(error[:, n].mean()),
+            worst_deg=float(np.abs(error[:, n]).max()),
+            band95_deg=float(np.median(width[:, n])),
+            within_68=float(within[0][n]),
+            within_95=float(within[1][n]),
         )
-        for place, name in enumerate(motions)
+        for n, name in enumerate(motions)
     )
 
 
-def _words(check: MotionCheck) -> str:
+def _check_line(check: MotionCheck) -> str:
     return (
-        f"{check.motion}: held-out states are decoded to {check.rms_deg:.2g}° (rms; mean error "
-        f"{check.bias_deg:+.1g}°, worst {check.worst_deg:.2g}°); 95 % bands are {check.band95_deg:.2g}° wide; "
-        f"{100 * check.within_68:.0f} % lie within the 68 % bands, {100 * check.within_95:.0f} % within the 95 % bands"
+        f"{check.motion}: held-out states are decoded with an RMS error of {check.rms_deg:.2g}° (mean "
+        f"{check.bias_deg:+.1g}°, largest {check.worst_deg:.2g}°); 95 % bands are {check.band95_deg:.2g}° wide; "
+        f"{100 * check.within_68:.0f} % are within their 68 % bands, {100 * check.within_95:.0f} % within their 95 % "
+        "bands"
     )
 
 
-def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination | None) -> list[Caution]:
-    found = []
+def _cautions(checks: Sequence[MotionCheck], unseparated: float, example: Determination | None) -> list[Caution]:
+    warnings = []
     if not checks:
-        found.append(warning(f"fewer than {2 * FOLDS} states, too few to check the calibration on held-out states"))
-    if lost > SOME_LOST and worst is not None:
-        found.append(warning(f"in {100 * lost:.2g} % of the states, {' and '.join(undetermined_sentences(worst))}"))
-    found += [
-        do_not_use(
-            f"{check.motion}: only {100 * check.within_95:.0f} % of the held-out states lie within the 95 % bands"
+        text = f"fewer than {2 * FOLDS} states are too few to check the calibration on held-out states"
+        warnings.append(warning(text))
+    if unseparated > MAX_UNSEPARATED_NOTED and example is not None:
+        warnings.append(
+            warning(f"in {100 * unseparated:.2g} % of the states, {' and '.join(undetermined_sentences(example))}")
         )
-        for check in checks
-        if check.within_95 < FEW
-    ]
-    return found
+    for check in checks:
+        if check.within_95 < MIN_WITHIN_95:
+            text = f"only {100 * check.within_95:.0f} % of the readings of held-out states are within their 95 % bands"
+            warnings.append(prefixed(check.motion, do_not_use(text)))
+    return warnings
 
 
-def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
-    """Warning if all states are on a grid, because sharp bends between the grid points then remain undetected."""
+def _grid_warnings(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
+    """Return a warning if all states are on a grid, because sharp bends between its points are then not detected."""
     span = np.maximum(np.ptp(angle, axis=0), 1e-9)
-    places = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
-    if len(motions) < 2 or len(angle) < np.prod(places):
+    counts = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
+    if len(motions) < 2 or len(angle) < np.prod(counts):
         return []
-    unseen = "the behaviour of the readings between the grid points is unknown, and the bands do not cover it"
-    return [
-        warning(f"all states are on a grid: {unseen}; add random states between them, e.g. scatter = 200 in [grid]")
-    ]
+    text = (
+        "all states are on a grid: the readings between the grid points are unknown, and the bands do not allow for "
+        "this; add random states between them, e.g. scatter = 200 in [grid]"
+    )
+    return [warning(text)]

@@ -1,9 +1,10 @@
 """Columns of a network table, from a file or from lines: powers, their common unit, and accompanying columns.
 
-A column is a power if its name is ``EMITTER.RECEIVER``. Each power has its own unit; all are converted to V if possible
+A column named ``EMITTER.RECEIVER`` is a power. Each power may have a different unit; all are converted to V if possible
 or if no unit is specified, otherwise to the unit of the first power. ``a.left_A`` is in ampere if all names end in
 ``_A``. A power may be accompanied by clipping flags, ``a.left_clipped``, and by the ambient light that was subtracted,
-``a.left_ambient``. Such columns without a power, or with ambient light for only some of the powers, are rejected.
+``a.left_ambient``. Accompanying columns without a power are rejected, as are ambient light columns for only some of the
+powers.
 
 Public names: `power_columns` and `PowerColumns`.
 """
@@ -22,7 +23,7 @@ from solen.units import factor
 DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
 """Name of a power, composed of the names of its emitter and its receiver."""
 ENDS_IN_A = "_A"
-_BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
+_ACCOMPANYING = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
 Pair = tuple[str, str]
 
 
@@ -30,11 +31,11 @@ Pair = tuple[str, str]
 class PowerColumns:
     """Indices of the power columns and their factors to the common unit; indices of the clipping flags.
 
-    ``ambient`` is ``subtracted`` if each power has a column of subtracted ambient light, else None; ``warnings``
-    reports whether V is assumed.
+    ``ambient`` is ``subtracted`` if each power has a column of subtracted ambient light, otherwise None. If V is
+    assumed as the unit, ``warnings`` reports it.
     """
 
-    places: dict[Pair, int]
+    indices: dict[Pair, int]
     scales: dict[Pair, float]
     unit: str
     clipped: dict[Pair, int]
@@ -53,36 +54,39 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
     """
     columns = _in_ampere(columns)
     names = [ENDS_IN_V.sub("", column.name) for column in columns]
-    places: dict[Pair, int] = {}
-    for place, name in enumerate(names):
+    powers: dict[Pair, int] = {}
+    for index, name in enumerate(names):
         if (match := DOTTED.fullmatch(name)) and not is_companion(name):
-            places[match[1], match[2]] = place
-    unit, scales = _scales({".".join(pair): unit_of(columns[place]) for pair, place in places.items()}, source)
-    lights = _in(unit, columns, names) if places else []
-    clipped, ambient = (_beside(kind, lights, places, source) for kind in ("clipped", "ambient"))
-    lacking = [".".join(pair) for pair in places if pair not in ambient]
-    if ambient and lacking:
-        limit = f"contains an ambient light column for some powers, but not for {lacking[0]}"
-        raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
-    scaled = dict(zip(places, scales, strict=True))
-    assumed = [] if unit or not places else [warning("no unit is specified for the powers; V is assumed")]
-    return PowerColumns(places, scaled, unit or "V", clipped, "subtracted" if ambient else None, tuple(assumed))
+            powers[match[1], match[2]] = index
+    unit, scales = _scales({".".join(pair): unit_of(columns[index]) for pair, index in powers.items()}, source)
+    candidates = _names_in_unit(unit, columns, names) if powers else []
+    clipped, ambient = (_accompanying(kind, candidates, powers, source) for kind in ("clipped", "ambient"))
+    missing = [".".join(pair) for pair in powers if pair not in ambient]
+    if ambient and missing:
+        limit = f"contains an ambient light column for some powers, but not for {missing[0]}"
+        raise DataError(source, limit=limit, remedy="subtract ambient light from all powers or from none")
+    assumed = [] if unit or not powers else [warning("no unit is specified for the powers; V is assumed")]
+    by_pair = dict(zip(powers, scales, strict=True))
+    return PowerColumns(powers, by_pair, unit or "V", clipped, "subtracted" if ambient else None, tuple(assumed))
 
 
 def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
-    """Columns in A if all power names end in ``_A``, as in ``a.left_A``; otherwise the suffix is part of a name."""
-    are = [bool(DOTTED.fullmatch(column.name)) and not is_companion(column.name) for column in columns]
-    powers = [column for column, is_power in zip(columns, are, strict=True) if is_power]
+    """Return the columns with powers in A if all their names end in ``_A``; otherwise the suffix is part of a name."""
+
+    def is_power(column: Channel) -> bool:
+        return bool(DOTTED.fullmatch(column.name)) and not is_companion(column.name)
+
+    powers = [column for column in columns if is_power(column)]
     if not powers or any(power.unit not in {"", "1"} or not power.name.endswith(ENDS_IN_A) for power in powers):
         return columns
     return [
-        replace(column, name=column.name.removesuffix(ENDS_IN_A), unit="A") if is_power else column
-        for column, is_power in zip(columns, are, strict=True)
+        replace(column, name=column.name.removesuffix(ENDS_IN_A), unit="A") if is_power(column) else column
+        for column in columns
     ]
 
 
 def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
-    """Common unit of the powers, empty if none is specified, and the factor of each power to this unit."""
+    """Return the common unit of the powers, empty if none is specified, and the factor from each unit to it."""
     first = next((unit for unit in units.values() if unit not in {"", "1"}), "")
     if not first:
         return "", [1.0] * len(units)
@@ -91,30 +95,32 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
     for name, unit in units.items():
         scale = factor(unit, common) if unit not in {"", "1"} else None
         if scale is None:
-            limit = f"cannot be converted to {common}, the unit of the other powers"
+            limit = f"specifies no unit, but other powers are in {common}"
+            if unit:
+                limit = f"is in {unit}, which cannot be converted to {common}, the unit of other powers"
             remedy = "specify units of the same quantity for all powers, as in a.end_mV"
-            raise DataError(f"{source}: {name}", value=unit or "no unit", limit=limit, remedy=remedy)
+            raise DataError(f"{source}: {name}", limit=limit, remedy=remedy)
         scales.append(scale)
     return common, scales
 
 
-def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
-    """Column names; empty for a column whose unit is of another kind (e.g. the temperature ``ambient (K)``)."""
-    other = (column.unit not in {"", "1", unit} and factor(column.unit, unit or "V") is None for column in columns)
-    return ["" if odd else name for odd, name in zip(other, names, strict=True)]
+def _names_in_unit(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
+    """Return the column names; empty for a column in a unit of another kind (e.g. the temperature ``ambient (K)``)."""
+    foreign = (column.unit not in {"", "1", unit} and factor(column.unit, unit or "V") is None for column in columns)
+    return ["" if is_foreign else name for is_foreign, name in zip(foreign, names, strict=True)]
 
 
-def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
-    """Indices of accompanying columns of one kind, by the powers that they accompany."""
-    known = {".".join(pair): pair for pair in powers}
-    found = {}
-    for place, name in enumerate(names):
-        match = _BESIDE.fullmatch(name)
+def _accompanying(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
+    """Return the indices of accompanying columns of one kind, keyed by the powers that they accompany."""
+    pairs = {".".join(pair): pair for pair in powers}
+    indices = {}
+    for index, name in enumerate(names):
+        match = _ACCOMPANYING.fullmatch(name)
         if match is None or kind not in {match[1], match[3], name}:
             continue
-        if match[2] not in known:
-            limit = f"belongs to no power; the powers are {', '.join(known)}"
-            remedy = f"name it after its power, as in {next(iter(known))}_{kind}, or omit it"
+        if match[2] not in pairs:
+            limit = f"belongs to no power; the powers are {', '.join(pairs)}"
+            remedy = f"name it after its power, as in {next(iter(pairs))}_{kind}, or omit it"
             raise DataError(f"{source}: {name}", limit=limit, remedy=remedy)
-        found[known[match[2]]] = place
-    return found
+        indices[pairs[match[2]]] = index
+    return indices

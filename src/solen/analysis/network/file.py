@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, calibration_data, data_of_kind, tuples
+from solen.analysis.calibration.file import OF_NETWORK, REMEDY, SCHEMA, Ambient, calibration_data, data_of_kind, tuples
 from solen.analysis.network.decoder import NetworkDecoder
 from solen.analysis.network.forward import ForwardMap
 from solen.arrays import FloatArray
@@ -29,8 +29,8 @@ class MotionCheck(Strict):
     table: ClassVar[str] = "check"
     error: ClassVar[type[DataError]] = DataError
 
-    motion: Text = Field(description="Its name.")
-    rms_deg: NotNegative = Field(description="Root mean square error.")
+    motion: Text = Field(description="Name of the motion.")
+    rms_deg: NotNegative = Field(description="RMS error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
     band95_deg: NotNegative = Field(description="Median width of the 95 % bands.")
@@ -54,8 +54,10 @@ class NetworkCalibration(Strict):
     receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Receiver names.")
     range_deg: tuple[tuple[Number, Number], ...] = Field(description="Lowest and highest angle of each motion.")
     angle_deg: tuple[Row, ...] = Field(description="Recorded states, each a row of angles.")
-    signal_V: tuple[Row, ...] = Field(description="Readings in each state, by emitter, then by receiver.")
-    noise_V2: tuple[Row, ...] = Field(description="Covariance of a reading due to noise.")
+    signal_V: tuple[Row, ...] = Field(
+        description="Readings in each state: all receivers with the first emitter on, then with the second, and so on."
+    )
+    noise_V2: tuple[Row, ...] = Field(description="Covariance due to the noise of a reading.")
     reach: tuple[tuple[Positive, ...], ...] = Field(
         description="Correlation lengths of each reading's map, as fractions of the motion ranges."
     )
@@ -63,10 +65,10 @@ class NetworkCalibration(Strict):
         description="Variance of a state about the map, relative to the map's variance."
     )
     outside: NotNegative = Field(
-        0.0, description="A reading is off the map if its squared distance from the map is at least this value."
+        0.0, description="Squared distance from the map above which a reading is outside the map."
     )
     checks: tuple[MotionCheck, ...] = Field(
-        description="Held-out states, decoded with a calibration from the other states; none if there are few states."
+        description="Check of held-out states, decoded with a calibration from the others; empty with too few states."
     )
     words: tuple[str, ...] = Field(description="Check results in words.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
@@ -85,14 +87,17 @@ class NetworkCalibration(Strict):
             ("scatter", (readings,)),
         ):
             rows = getattr(self, name)
-            there = (len(rows), *({len(row) for row in rows} if len(shape) == 2 else ()))
-            if there != shape:
-                raise refused(name, f"must have the shape {' x '.join(map(str, shape))}")
+            file_shape = (len(rows), *({len(row) for row in rows} if len(shape) == 2 else ()))
+            if file_shape != shape:
+                raise refused(name, f"must have the shape {' x '.join(map(str, shape))}", remedy=REMEDY)
         if states < motions + 3:
-            raise refused("angle_deg", f"must have at least {motions + 3} states", value=states)
+            limit = f"has {states} states, but must have at least {motions + 3}"
+            raise refused("angle_deg", limit, remedy=REMEDY)
         noise = np.array(self.noise_V2)
         if not np.allclose(noise, noise.T) or np.linalg.eigvalsh(noise).min() <= 0.0:
-            raise refused("noise_V2", "is not a covariance")
+            raise refused(
+                "noise_V2", "must be a covariance matrix, i.e. symmetric and positive definite", remedy=REMEDY
+            )
         return self
 
     @cached_property
@@ -105,24 +110,24 @@ class NetworkCalibration(Strict):
         states, signal = np.array(self.angle_deg), np.array(self.signal_V)
         ends: FloatArray = np.array(self.range_deg).T
         return ForwardMap.through(
-            states, signal, ends_deg=ends, reach=np.array(self.reach), scatter=np.array(self.scatter)
+            states, signal, ends_deg=ends, length=np.array(self.reach), scatter=np.array(self.scatter)
         )
 
 
 def text_of(file: NetworkCalibration) -> str:
-    """Text of the calibration file."""
+    """Return the text of the calibration file."""
     data = in_unit({"schema": SCHEMA, **file.model_dump(mode="json")}, file.unit)
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def is_network_file(path: Path) -> bool:
-    """Whether a file is a network calibration; `DataError` if it cannot be read."""
+    """Return whether a file is a network calibration; raise `DataError` if it cannot be read."""
     data = calibration_data(path)
     return isinstance(data, dict) and data.get("kind") == OF_NETWORK
 
 
 def load_network(path: Path) -> NetworkCalibration:
-    """Load a network calibration from a file; `DataError` if the file cannot be read or is of another kind."""
+    """Load a network calibration from a file; raise `DataError` if it cannot be read or is of another kind."""
     data = data_of_kind(path, OF_NETWORK, "is not a network calibration")
     with error_context(str(path)):
         return NetworkCalibration(**tuples(in_unit(data, "V", data.get("unit", "V"))))

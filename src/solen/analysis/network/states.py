@@ -1,9 +1,9 @@
 """States of a network in a recording: the stops of its motions, and the mean readings at each stop.
 
-The readings of a switching cycle belong to a single state only while all motions rest. A stop is a run of rows over
-which no angle changes. The noise of a reading is the covariance of the rows of a stop, pooled over the stops, because
-ambient light or the supply of a converter affects several readings together. If the means of the segments of a stop
-differ by more than the noise explains, the uncertainty of the stop's mean follows from these segment means.
+The readings of a switching cycle belong to a single state only while all motions are stationary. A stop is a run of
+rows in which no angle changes. The noise of a reading is the covariance of the rows of a stop, pooled over the stops: a
+covariance, because ambient light or the supply of an ADC affects several readings together. If the means of the
+segments of a stop differ by more than the noise explains, the uncertainty of the stop's mean follows from them.
 
 Public names: `states_of`, `States`, `analysed_network` and `NetworkStates`.
 """
@@ -20,12 +20,12 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit
 
 REST_ROWS = 5
-"""Number of rows over which a motion at rest must not move."""
-REST_MOVEMENT, REST_NOISES = 1e-3, 5.0
+"""Number of rows over which the movement of a motion is measured."""
+MAX_MOVEMENT, MAX_NOISES = 1e-3, 5.0
 """Largest movement at rest, as a fraction of the motion's range, or relative to the noise of its angle."""
-MIN_STOP_ROWS, SETTLING = 8, 2
+MIN_STOP_ROWS, SETTLING_ROWS = 8, 2
 """Smallest number of rows in a stop, and number of rows omitted at both ends."""
-PIECES = 6
+SEGMENTS = 6
 """Number of segments of a stop whose means show the correlation between its rows."""
 
 
@@ -55,20 +55,20 @@ class States:
     clipped: FloatArray
 
     def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distinct states: angles (n, motions), means (n, K) over all stops in the same state, and their variances."""
+        """Return the distinct states, (n, motions), and the means over all their stops and the variances, (n, K)."""
         span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
-        rounded = np.rint(self.angle_deg / (2.0 * REST_MOVEMENT * span))
-        _, which = np.unique(rounded, axis=0, return_inverse=True)
-        count = np.bincount(which).astype(float)
+        rounded = np.rint(self.angle_deg / (2.0 * MAX_MOVEMENT * span))
+        _, state = np.unique(rounded, axis=0, return_inverse=True)
+        count = np.bincount(state).astype(float)
 
         def mean(values: FloatArray) -> FloatArray:
-            return np.asarray(np.stack([np.bincount(which, column) for column in values.T], axis=1) / count[:, None])
+            return np.asarray(np.stack([np.bincount(state, column) for column in values.T], axis=1) / count[:, None])
 
         return mean(self.angle_deg), mean(self.signal), mean(self.u_signal**2) / count[:, None]
 
 
 class NetworkStates(Result):
-    """Response of a recorded network: signals by state, emitter and receiver.
+    """Response of a recorded network: signals of each emitter and receiver in each state.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class NetworkStates(Result):
     motions, emitters, receivers
         Names of the motions, emitters and receivers.
     unit
-        Unit of the signals, in which keys end instead of V.
+        Unit of the signals; keys end in it instead of V.
     angle_deg
         Angles (stops, motions).
     signal_V, u_signal_V
@@ -116,7 +116,7 @@ class NetworkStates(Result):
 
 
 def analysed_network(readings: NetworkReadings) -> NetworkStates:
-    """Response of a network at the stops of a recording; `DataError` if there are no angles or no stops."""
+    """Return the response of a network at the stops of a recording; raise `DataError` without angles or stops."""
     states, shape = states_of(readings), readings.signal.shape[1:]
     missing = int(np.isnan(readings.signal).any(axis=(1, 2)).sum())
     return NetworkStates(
@@ -139,24 +139,25 @@ def analysed_network(readings: NetworkReadings) -> NetworkStates:
 
 
 def states_of(readings: NetworkReadings) -> States:
-    """Find the stops of a recording; `DataError` if the recording contains no angles or no stops."""
+    """Find the stops of a recording; raise `DataError` if it contains no angles or no stops."""
     file = readings.provenance.name
     if not readings.motions:
         limit = "contains no motion angles"
         raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
-    stops = [stop for stop in _stops(readings.angle_deg) if _held(flat[stop]) >= MIN_STOP_ROWS]
+    complete = np.asarray(np.isfinite(flat).all(axis=1))
+    stops = [stop for stop in _stops(readings.angle_deg) if complete[stop].sum() >= MIN_STOP_ROWS]
     if not stops:
-        limit = f"never rests with complete readings for {MIN_STOP_ROWS} switching cycles of the emitters"
+        limit = f"has no stop with {MIN_STOP_ROWS} complete switching cycles of the emitters"
         raise DataError(file, limit=limit, remedy="hold each state for longer")
-    whole = [flat[stop][np.isfinite(flat[stop]).all(axis=1)] for stop in stops]
-    apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
-    noise = apart.T @ apart / (len(apart) - len(stops))
+    rows_of_stops = [flat[stop][complete[stop]] for stop in stops]
+    deviations = np.concatenate([rows - rows.mean(axis=0) for rows in rows_of_stops])
+    noise = deviations.T @ deviations / (len(deviations) - len(stops))
     clipped = readings.clipped.reshape(len(flat), -1)
     return States(
         angle_deg=np.array([readings.angle_deg[stop].mean(axis=0) for stop in stops]),
-        signal=np.array([rows.mean(axis=0) for rows in whole]),
-        u_signal=np.array([_u_mean(rows, noise) for rows in whole]),
+        signal=np.array([rows.mean(axis=0) for rows in rows_of_stops]),
+        u_signal=np.array([_u_mean(rows, noise) for rows in rows_of_stops]),
         noise=noise,
         rows=tuple(stops),
         clipped=np.array([clipped[stop].mean(axis=0) for stop in stops]),
@@ -164,64 +165,53 @@ def states_of(readings: NetworkReadings) -> States:
 
 
 def at_rest(angle_deg: FloatArray) -> BoolArray:
-    """Whether each row of angles (n, motions) belongs to a stop."""
-    found = np.zeros(len(angle_deg), bool)
+    """Return whether each row of angles (n, motions) belongs to a stop."""
+    flags = np.zeros(len(angle_deg), bool)
     for stop in _stops(angle_deg):
-        found[stop] = True
-    return found
+        flags[stop] = True
+    return flags
 
 
 def missing_slots(readings: NetworkReadings) -> list[Caution]:
-    """Warning about switching cycles that lack a reading, by emitter."""
-    lacking = np.isnan(readings.signal).any(axis=2).sum(axis=0)
-    pairs = zip(readings.emitters, lacking.tolist(), strict=True)
-    lost = [f"{name} {count}" for name, count in pairs if count]
-    if not lost:
+    """Return a warning with the number of switching cycles in which each emitter's reading is missing."""
+    counts = np.isnan(readings.signal).any(axis=2).sum(axis=0).tolist()
+    missing = [f"{name} {count}" for name, count in zip(readings.emitters, counts, strict=True) if count]
+    if not missing:
         return []
-    return [
-        warning(
-            f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those switching cycles are omitted"
-        )
-    ]
+    text = f"readings are missing: {', '.join(missing)} of {len(readings.signal)}; these switching cycles are omitted"
+    return [warning(text)]
 
 
 def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
-    """Warning about powers that are at a limit of the recorder's range in some states."""
-    names = [f"{lit}.{read}" for lit in readings.emitters for read in readings.receivers]
-    shares = states.clipped.mean(axis=0).tolist()
-    ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
-    if not ends:
+    """Return a warning about powers that are at a limit of the recorder's range in some states."""
+    names = [f"{emitter}.{receiver}" for emitter in readings.emitters for receiver in readings.receivers]
+    fractions = states.clipped.mean(axis=0).tolist()
+    clipped = [f"{name} {100 * part:.2g} %" for name, part in zip(names, fractions, strict=True) if part > 0.0]
+    if not clipped:
         return []
-    return [
-        warning(f"readings at a limit of the recorder's range, which hides any change beyond it: {', '.join(ends)}")
-    ]
-
-
-def _held(rows: FloatArray) -> int:
-    return int(np.isfinite(rows).all(axis=1).sum())
+    text = f"readings are at a limit of the recorder's range, which hides changes outside it: {', '.join(clipped)}"
+    return [warning(text)]
 
 
 def _stops(angle_deg: FloatArray) -> list[slice]:
-    """Slices of rows over which nothing moves, without a few rows at both ends."""
+    """Return the runs of rows in which nothing moves, without a few rows at both ends."""
     if len(angle_deg) <= REST_ROWS:
         return []
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
-    limit = np.maximum(REST_MOVEMENT * span, REST_NOISES * noise)
-    at_rest: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
-    bounds = [(begin, end + REST_ROWS) for begin, end in flag_runs(at_rest)]
-    return [
-        slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= MIN_STOP_ROWS + 2 * SETTLING
-    ]
+    limit = np.maximum(MAX_MOVEMENT * span, MAX_NOISES * noise)
+    stationary: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
+    runs = [slice(begin + SETTLING_ROWS, end + REST_ROWS - SETTLING_ROWS) for begin, end in flag_runs(stationary)]
+    return [run for run in runs if run.stop - run.start >= MIN_STOP_ROWS]
 
 
 def _noise_deg(angle_deg: FloatArray) -> FloatArray:
-    """Noise of the angles, from their second differences, to which a motion at constant speed does not contribute."""
-    bends = np.abs(angle_deg[2:] - 2.0 * angle_deg[1:-1] + angle_deg[:-2])
-    return np.asarray(np.median(bends, axis=0) / (0.6745 * np.sqrt(6.0)))
+    """Return the noise of the angles, from second differences, which cancel a motion at constant speed."""
+    differences = np.abs(angle_deg[2:] - 2.0 * angle_deg[1:-1] + angle_deg[:-2])
+    return np.asarray(np.median(differences, axis=0) / (0.6745 * np.sqrt(6.0)))
 
 
 def _u_mean(rows: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard uncertainty of the mean of a stop's rows, (K,)."""
+    """Return the standard uncertainty of the mean of a stop's rows, (K,)."""
     white = np.sqrt(np.diag(noise) / len(rows))
-    pieces = np.array([piece.mean(axis=0) for piece in np.array_split(rows, PIECES)])
-    return np.asarray(np.maximum(white, pieces.std(axis=0, ddof=1) / np.sqrt(PIECES)))
+    means = np.array([segment.mean(axis=0) for segment in np.array_split(rows, SEGMENTS)])
+    return np.asarray(np.maximum(white, means.std(axis=0, ddof=1) / np.sqrt(SEGMENTS)))

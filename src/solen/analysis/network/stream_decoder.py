@@ -1,11 +1,13 @@
 """Decoding of a stream of network readings with a saved calibration: rows of motions as they arrive, and a summary.
 
-Public names: `recorded_turns`, `line_turns`, `Turns`, `NetworkStream`, `NetworkDecoding` and `unused`.
+Public names: `recorded_cycles`, `cycles_of_lines`, `SwitchingCycles`, `NetworkStream`, `NetworkDecoding` and
+`check_options`.
 """
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from solen.analysis.calibration.counted_stream import CountedStream
 from solen.analysis.calibration.csv_lines import STDIN, Lines, lines_of
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.network.calibrate import LeftOut, checks_of
+from solen.analysis.network.calibrate import HeldOut, checks_of
 from solen.analysis.network.columns import power_columns
 from solen.analysis.network.decoder import NetworkDecoded
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
@@ -29,16 +31,16 @@ from solen.units import factor
 
 BANDS = ("low68", "high68", "low95", "high95")
 FLAGS = ("outside", "ambiguous", "at_end")
-_MEANING = {
+_MEANINGS = {
     "outside": "are outside the calibrated map, so their motions are meaningless",
-    "ambiguous": "are consistent with several states",
+    "ambiguous": "match several states",
     "missing": "lack the reading of a receiver",
-    "clipped": "contain a value at a limit of the recorder's range, which hides any change beyond it",
+    "clipped": "contain a value at a limit of the recorder's range, which hides changes outside it",
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class SwitchingCycles:
     """Switching cycles of emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown.
 
     ``clipped`` marks signals at a limit of the recorder's range; None if the source contains no such flags.
@@ -56,7 +58,7 @@ class NetworkDecoding(Result):
     Attributes
     ----------
     readings, missing
-        Number of decoded switching cycles, and number of those that lack a reading.
+        Number of switching cycles that were decoded, and of switching cycles that lack a reading.
     outside, ambiguous, at_end
         Number of switching cycles with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
     clipped
@@ -64,7 +66,7 @@ class NetworkDecoding(Result):
     from_s, to_s
         Times of the first and the last switching cycle.
     reached_deg
-        Lowest and highest angle of each motion, from readings that lie on the map.
+        Lowest and highest angle of each motion, from readings on the map.
     against
         Errors relative to the angles recorded in the source, at its stops and within the calibrated ranges; empty if
         there are none.
@@ -99,11 +101,11 @@ class NetworkDecoding(Result):
 
 
 class NetworkStream(CountedStream[NetworkCalibration]):
-    """Decoder of a stream of switching cycles that also counts them.
+    """Decoder of a stream of switching cycles, which counts them and their flags.
 
     Parameters
     ----------
-    known, file
+    calibration, file
         The calibration, and the name of its file.
     source, provenance
         Name of the stream in error messages, and its file; None if lines are read.
@@ -113,38 +115,38 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 
     def __init__(
         self,
-        known: NetworkCalibration,
+        calibration: NetworkCalibration,
         file: str,
         source: str,
         provenance: Provenance | None,
         warnings: tuple[Caution, ...] = (),
     ) -> None:
-        largest = float(np.abs(np.array(known.signal_V)).max())
-        super().__init__(known, file, source, provenance, largest, (*FLAGS, "clipped"))
-        self._ends = np.array([[math.inf, -math.inf]] * len(known.motions))
-        self._held: list[LeftOut] = []
+        largest = float(np.abs(np.array(calibration.signal_V)).max())
+        super().__init__(calibration, file, source, provenance, largest, (*FLAGS, "clipped"))
+        self._ranges = np.array([[math.inf, -math.inf]] * len(calibration.motions))
+        self._compared: list[HeldOut] = []
         self.warnings = (*warnings, *self._calibration_warnings())
 
     @property
     def header(self) -> str:
         """Header line with the column names."""
-        columns = (f"{one}_deg" for name in self._known.motions for one in (name, *(f"{name}_{b}" for b in BANDS)))
+        suffixes = ["_deg", *(f"_{band}_deg" for band in BANDS)]
+        columns = (f"{name}{suffix}" for name in self._calibration.motions for suffix in suffixes)
         return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
 
-    def rows(self, turns: Turns) -> str:
-        """Decode switching cycles into CSV lines; `DataError` if the readings are about a thousand times too large."""
-        self._check_scale(turns.signal, "a.end_mV")
-        decoded = self._known.decoder.decode(turns.signal)
-        self._count(turns, decoded)
-        return "".join(_rows(turns.time_s, decoded))
+    def rows(self, cycles: SwitchingCycles) -> str:
+        """Decode switching cycles into CSV lines; raise `DataError` if the readings must be in another unit."""
+        self._check_scale(cycles.signal, "a.end_mV")
+        decoded = self._calibration.decoder.decode(cycles.signal)
+        self._count(cycles, decoded)
+        return "".join(_rows(cycles.time_s, decoded))
 
     def result(self, *, interrupted: bool) -> NetworkDecoding:
-        """Return the summary of the decoded stream; `DataError` if there was no complete switching cycle."""
+        """Return the summary of the decoded stream; raise `DataError` if there was no complete switching cycle."""
         if not self.counts["readings"]:
-            raise DataError(
-                self._source, limit="contains no complete switching cycle of the emitters", remedy="check its columns"
-            )
-        pairs = zip(self._known.motions, self._ends.tolist(), strict=True)
+            limit = "contains no complete switching cycle of the emitters"
+            raise DataError(self._source, limit=limit, remedy="check its columns")
+        pairs = zip(self._calibration.motions, self._ranges.tolist(), strict=True)
         return NetworkDecoding(
             **self.counts,
             from_s=self._times_s[0],
@@ -152,78 +154,83 @@ class NetworkStream(CountedStream[NetworkCalibration]):
             reached_deg={name: (low, high) for name, (low, high) in pairs if low <= high},
             against=self._against(),
             calibration=self._file,
-            sensor=self._known.sensor,
+            sensor=self._calibration.sensor,
             simulated=self._simulated,
             interrupted=interrupted,
             sources=() if self._provenance is None else (self._provenance,),
-            warnings=(*self.warnings, *self._flag_warnings(_MEANING, always=("missing", "clipped"))),
+            warnings=(*self.warnings, *self._flag_warnings(_MEANINGS, always=("missing", "clipped"))),
         )
 
     def _calibration_warnings(self) -> Iterator[Caution]:
-        yield from (prefixed("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
-        if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
+        unusable = (caution for caution in self._calibration.warnings if rank_of(caution) == DO_NOT_USE)
+        yield from (prefixed("calibration", caution) for caution in unusable)
+        if self._calibration.simulated and self._provenance is not None and not self._provenance.simulated:
             yield do_not_use("the calibration is simulated, but the recording is not")
 
-    def _count(self, turns: Turns, decoded: NetworkDecoded) -> None:
-        good = ~decoded.missing
-        self._count_readings(turns.time_s, good, {name: getattr(decoded, name) for name in FLAGS})
-        if turns.clipped is not None:
-            self.counts["clipped"] += int((turns.clipped.any(axis=(1, 2)) & good).sum())
-        if not good.any():
+    def _count(self, cycles: SwitchingCycles, decoded: NetworkDecoded) -> None:
+        complete = ~decoded.missing
+        self._count_readings(cycles.time_s, complete, {name: getattr(decoded, name) for name in FLAGS})
+        if cycles.clipped is not None:
+            self.counts["clipped"] += int((cycles.clipped.any(axis=(1, 2)) & complete).sum())
+        if not complete.any():
             return
-        inside = decoded.angle_deg[good & ~decoded.outside]
-        self._ends[:, 0] = np.minimum(self._ends[:, 0], inside.min(axis=0, initial=math.inf))
-        self._ends[:, 1] = np.maximum(self._ends[:, 1], inside.max(axis=0, initial=-math.inf))
-        if turns.angle_deg is not None:
-            low, high = np.array(self._known.range_deg).T
-            slack = 1e-6 * (high - low)
-            true = turns.angle_deg
-            kept = good & ((true >= low - slack) & (true <= high + slack)).all(axis=1)
-            self._held.append(LeftOut(np.clip(true[kept], low, high), rows_of(decoded, kept)))
+        on_map = decoded.angle_deg[complete & ~decoded.outside]
+        self._ranges[:, 0] = np.minimum(self._ranges[:, 0], on_map.min(axis=0, initial=math.inf))
+        self._ranges[:, 1] = np.maximum(self._ranges[:, 1], on_map.max(axis=0, initial=-math.inf))
+        if cycles.angle_deg is not None:
+            low, high = np.array(self._calibration.range_deg).T
+            margin = 1e-6 * (high - low)
+            true = cycles.angle_deg
+            kept = complete & ((true >= low - margin) & (true <= high + margin)).all(axis=1)
+            self._compared.append(HeldOut(np.clip(true[kept], low, high), rows_of(decoded, kept)))
 
     def _against(self) -> tuple[MotionCheck, ...]:
-        held = [one for one in self._held if len(one.angle_deg)]
-        return checks_of(self._known.motions, LeftOut.joined(held)) if held else ()
+        parts = [part for part in self._compared if len(part.angle_deg)]
+        return checks_of(self._calibration.motions, HeldOut.joined(parts)) if parts else ()
 
 
-def recorded_turns(
-    path: Path, known: NetworkCalibration, sensor: str | None
-) -> tuple[Turns, Provenance, tuple[Caution, ...]]:
-    """Switching cycles in a recording with the true angles at its stops, its file, and its warnings.
+def recorded_cycles(
+    path: Path, calibration: NetworkCalibration, sensor: str | None
+) -> tuple[SwitchingCycles, Provenance, tuple[Caution, ...]]:
+    """Return the switching cycles in a recording with the true angles at its stops, its provenance, and warnings.
 
     Raises
     ------
     DataError
-        If an emitter or a receiver is missing, or the unit differs from that of the calibration.
+        If an emitter or a receiver is missing, or the unit cannot be converted to that of the calibration.
     """
-    found = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
-    scale = scale_of(path.name, found.unit, known)
-    _check_ambient(path.name, found.ambient, known)
-    true = np.where(at_rest(found.angle_deg)[:, None], found.angle_deg, np.nan) if found.motions else None
-    return Turns(found.time_s, scale * found.signal, true, found.clipped), found.provenance, found.warnings
+    readings = network_readings(path, sensor).ordered(calibration.motions, calibration.emitters, calibration.receivers)
+    scale = scale_of(path.name, readings.unit, calibration)
+    _check_ambient(path.name, readings.ambient, calibration)
+    true = None
+    if readings.motions:
+        true = np.where(at_rest(readings.angle_deg)[:, None], readings.angle_deg, np.nan)
+    cycles = SwitchingCycles(readings.time_s, scale * readings.signal, true, readings.clipped)
+    return cycles, readings.provenance, readings.warnings
 
 
-def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
-    if None not in {ambient, known.ambient} and ambient != known.ambient:
-        limit = f"contains readings with ambient light {ambient}, but in the calibration it is {known.ambient}"
+def _check_ambient(source: str, ambient: Ambient | None, calibration: NetworkCalibration) -> None:
+    if None not in {ambient, calibration.ambient} and ambient != calibration.ambient:
+        limit = f"contains readings with ambient light {ambient}, but in the calibration it was {calibration.ambient}"
         raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
 
 
-def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
-    """Factor from a unit of readings to the calibration's unit; `DataError` if the unit cannot be converted."""
-    scale = factor(unit, known.unit)
+def scale_of(source: str, unit: str, calibration: NetworkCalibration) -> float:
+    """Return the factor from a unit to that of the calibration; raise `DataError` if it cannot be converted."""
+    scale = factor(unit, calibration.unit)
     if scale is None:
-        limit = f"is the unit of the readings, but the unit of the calibration is {known.unit}"
-        remedy = (
-            f"specify the unit of the readings in the header, as in a.end ({known.unit}), or "
-            "calibrate with readings in their unit"
-        )
-        raise DataError(source, value=unit, limit=limit, remedy=remedy)
+        limit = f"contains readings in {unit}, but the calibration is in {calibration.unit}"
+        remedy = f"correct the unit in the header, as in a.end ({calibration.unit}), or calibrate in {unit}"
+        raise DataError(source, limit=limit, remedy=remedy)
     return scale
 
 
-def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator[Turns], tuple[Caution, ...]]:
-    """Switching cycles from CSV lines, each as soon as it arrives, and warnings; the first line names the columns.
+def cycles_of_lines(
+    text: Iterable[str], calibration: NetworkCalibration
+) -> tuple[Iterator[SwitchingCycles], tuple[Caution, ...]]:
+    """Return the switching cycles from CSV lines, each as soon as it arrives, and warnings.
+
+    The first line contains the names of the columns.
 
     Raises
     ------
@@ -231,8 +238,8 @@ def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator
         If there is no column for the time or for a power in the calibration.
     """
     lines = lines_of(text, remedy="begin the lines with time_s, and EMITTER.RECEIVER for each power")
-    layout = _Layout.of(lines, known)
-    return (layout.turn(values) for values in lines.rows), layout.warnings
+    layout = _Layout.of(lines, calibration)
+    return (layout.cycle(values) for values in lines.rows), layout.warnings
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,46 +247,46 @@ class _Layout:
     """Column and scale of the time and of each power (emitters, receivers); columns of the clipping flags, or -1."""
 
     time: tuple[int, float]
-    places: IntArray
+    columns: IntArray
     scales: FloatArray
-    marks: IntArray
+    flags: IntArray
     warnings: tuple[Caution, ...]
 
     @classmethod
-    def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
-        """Layout of lines, from their header."""
+    def of(cls, lines: Lines, calibration: NetworkCalibration) -> "_Layout":
+        """Return the layout of lines, from their header."""
         header = lines.header
-        times, of_time, warnings = times_of(header)
+        times, seconds, warnings = times_of(header)
         powers = power_columns(header.channels, STDIN)
-        _check_ambient(STDIN, powers.ambient, known)
-        pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
+        _check_ambient(STDIN, powers.ambient, calibration)
+        pairs = list(product(calibration.emitters, calibration.receivers))
         for pair in pairs:
-            if pair not in powers.places:
+            if pair not in powers.indices:
                 limit = f"contains no column {'.'.join(pair)}, which the calibration requires"
-                raise DataError(STDIN, limit=limit, remedy=f"the columns are {', '.join(lines.names)}")
-        shape = len(known.emitters), len(known.receivers)
+                raise DataError(STDIN, limit=limit, remedy=f"add it; the columns are {', '.join(lines.names)}")
+        shape = len(calibration.emitters), len(calibration.receivers)
+        scale = scale_of(STDIN, powers.unit, calibration)
         return cls(
-            time=(header.names.index(times.name), of_time),
-            places=np.array([powers.places[pair] for pair in pairs]).reshape(shape),
-            scales=scale_of(STDIN, powers.unit, known)
-            * np.array([powers.scales[pair] for pair in pairs]).reshape(shape),
-            marks=np.array([powers.clipped.get(pair, -1) for pair in pairs]).reshape(shape),
+            time=(header.names.index(times.name), seconds),
+            columns=np.array([powers.indices[pair] for pair in pairs]).reshape(shape),
+            scales=scale * np.array([powers.scales[pair] for pair in pairs]).reshape(shape),
+            flags=np.array([powers.clipped.get(pair, -1) for pair in pairs]).reshape(shape),
             warnings=(*warnings, *powers.warnings),
         )
 
-    def turn(self, values: Sequence[float]) -> Turns:
-        """Switching cycle from the values in one line."""
-        (place, scale), row = self.time, np.array(values)
-        clipped = (self.marks >= 0) & (row[self.marks] > 0.5)
-        return Turns(scale * row[[place]], self.scales * row[None, self.places], clipped=clipped[None])
+    def cycle(self, values: Sequence[float]) -> SwitchingCycles:
+        """Return the switching cycle from the values in one line."""
+        (time, scale), row = self.time, np.array(values)
+        clipped = (self.flags >= 0) & (row[self.flags] > 0.5)
+        return SwitchingCycles(scale * row[[time]], self.scales * row[None, self.columns], clipped=clipped[None])
 
 
-def unused(options: Options, kept: Sequence[str] = ()) -> None:
+def check_options(options: Options, kept: Sequence[str] = ()) -> None:
     """Raise `SpecError` for an option that does not apply to a network."""
     for name, info in type(options).model_fields.items():
         value = getattr(options, name)
         if name not in kept and value != info.get_default(call_default_factory=True):
-            limit = "does not apply to a network, whose columns and motions are identified by their names"
+            limit = "does not apply to a network, whose columns and motions are recognised by their names"
             raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="omit it")
 
 
@@ -288,14 +295,14 @@ def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
     motions = decoded.angle_deg.shape[1]
     bands = np.stack([decoded.low_deg, decoded.high_deg], axis=-1).reshape(len(time_s), motions, 4)
     values = np.concatenate([decoded.angle_deg[..., None], bands], axis=-1).reshape(len(time_s), -1)
-    marks = zip(*(getattr(decoded, name).tolist() for name in FLAGS), strict=True)
-    columns = values.tolist(), marks, decoded.probability.tolist(), decoded.other_deg.tolist()
-    for stamp, missing, *rest in zip(time_s.tolist(), decoded.missing.tolist(), *columns, strict=True):
-        when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
+    flags = zip(*(getattr(decoded, name).tolist() for name in FLAGS), strict=True)
+    columns = values.tolist(), flags, decoded.probability.tolist(), decoded.other_deg.tolist()
+    for seconds, missing, *cells in zip(time_s.tolist(), decoded.missing.tolist(), *columns, strict=True):
+        time = f"{seconds:.6f}" if math.isfinite(seconds) else ""
         if missing:
-            yield f"{when}{',' * (5 * motions)},missing,,\n"
+            yield f"{time}{',' * (5 * motions)},missing,,\n"
             continue
-        numbers, flags, probability, other = rest
-        named = " ".join(name for name, flag in zip(FLAGS, flags, strict=True) if flag)
-        beside = " ".join(f"{one:.5f}" for one in other) if math.isfinite(other[0]) else ""
-        yield ",".join([when, *(f"{number:.5f}" for number in numbers), named, f"{probability:.3f}", beside]) + "\n"
+        numbers, is_set, probability, other_deg = cells
+        names = " ".join(name for name, flag in zip(FLAGS, is_set, strict=True) if flag)
+        other = " ".join(f"{angle:.5f}" for angle in other_deg) if math.isfinite(other_deg[0]) else ""
+        yield ",".join([time, *(f"{number:.5f}" for number in numbers), names, f"{probability:.3f}", other]) + "\n"

@@ -1,4 +1,4 @@
-"""The commands that convert voltages to angles: `solen bench calibrate` and `solen bench decode`."""
+"""The commands `solen bench calibrate`, `solen bench decode` and `solen bench table`."""
 
 import sys
 from collections.abc import Iterator
@@ -67,23 +67,23 @@ def _(result: SensorCalibrations) -> Iterator[str]:
 
 @lines.register
 def _(result: NetworkCalibrations) -> Iterator[str]:
-    made, simulated = result.calibration, "; simulated" if result.simulated else ""
-    count = f"{len(made.emitters)} emitters, {len(made.receivers)} receivers"
-    yield f"{made.sensor or 'network'}: {result.states} states, {count}{simulated}"
-    for name, (low, high) in zip(made.motions, made.range_deg, strict=True):
+    network, simulated = result.calibration, "; simulated" if result.simulated else ""
+    counts = f"{len(network.emitters)} emitters, {len(network.receivers)} receivers"
+    yield f"{network.sensor or 'network'}: {result.states} states, {counts}{simulated}"
+    for name, (low, high) in zip(network.motions, network.range_deg, strict=True):
         yield f"  {name}: {low:.3g}° to {high:.3g}°"
-    yield from (f"  {line}" for line in made.words)
+    yield from (f"  {line}" for line in network.words)
 
 
 @lines.register
 def _(result: NetworkDecoding) -> Iterator[str]:
     flags = ((getattr(result, name), name) for name in ("outside", "ambiguous", "missing", "clipped"))
-    reached = (f"{name} {low:.4g}° to {high:.4g}°" for name, (low, high) in result.reached_deg.items())
-    yield ", ".join([f"{result.readings} readings", *reached, *(f"{count} {name}" for count, name in flags if count)])
-    for one in result.against:
+    ranges = (f"{name} {low:.4g}° to {high:.4g}°" for name, (low, high) in result.reached_deg.items())
+    yield ", ".join([f"{result.readings} readings", *ranges, *(f"{count} {name}" for count, name in flags if count)])
+    for check in result.against:
         yield (
-            f"{one.motion} compared with the recording's own angle at stops: rms {one.rms_deg:.2g}°, mean "
-            f"{one.bias_deg:+.1g}°, {100 * one.within_68:.0f} and {100 * one.within_95:.0f} % within the 68 and "
+            f"{check.motion} relative to the recorded angle at stops: RMS error {check.rms_deg:.2g}°, mean "
+            f"{check.bias_deg:+.1g}°, {100 * check.within_68:.0f} and {100 * check.within_95:.0f} % within the 68 and "
             "95 % bands"
         )
     if result.interrupted:
@@ -101,30 +101,30 @@ def decode(
     send: _Send = None,
     force: Force = False,
 ) -> Outcome[Decoding | NetworkDecoding] | None:
-    """Convert voltages to angles with a calibration: from a recording, from lines as they arrive, or during a run.
+    """Convert voltages to angles with a calibration: of a recording, of lines as they arrive, or during a run.
 
     Parameters
     ----------
     calibration
         File from solen bench calibrate.
     source
-        A recording, - for lines of CSV on standard input, or the .journal of a run.
+        A recording, the .journal of a run, or - for lines of CSV on standard input.
     """
     from solen.pipeline.bench import decode as pipeline
 
     if SHOWN.as_json:
         return pipeline.decode(calibration, source, options, signals, out=out, send=send, force=force)
-    early: list[str] = []
+    printed: list[str] = []
 
-    def warn(line: str) -> None:
-        early.append(line)
-        print(*ranked([line]), file=sys.stderr)
+    def warn(caution: str) -> None:
+        printed.append(caution)
+        print(*ranked([caution]), file=sys.stderr)
 
     rows, summary = (sys.stdout, sys.stderr) if out is None else (None, sys.stdout)
     outcome = pipeline.decode(
         calibration, source, options, signals, out=out, rows=rows, warn=warn, send=send, force=force
     )
-    for line in ranked(outcome.result.warnings[len(early) :]):
+    for line in ranked(outcome.result.warnings[len(printed) :]):
         print(line, file=sys.stderr)
     if not SHOWN.quiet:
         files = (f"{name}: {path}" for name, path in outcome.files.items())
@@ -135,9 +135,10 @@ def decode(
 @lines.register
 def _(result: DecodingTable) -> Iterator[str]:
     simulated, sign = "; simulated" if result.simulated else "", STIMULI[result.stimulus].sign
-    reach, off = f"{result.low_deg:.3g}{sign} to {result.high_deg:.3g}{sign}", f"{result.off_deg:.2g}{sign}"
-    yield f"{result.sensor}: {result.pieces} pieces, {reach}{simulated}"
-    yield f"differs from the full decoder by up to {off}, {result.sigma:.2g} standard uncertainties"
+    deviation = f"{result.off_deg:.2g}{sign}, i.e. {result.sigma:.2g} standard uncertainties"
+    extent = f"{result.low_deg:.3g}{sign} to {result.high_deg:.3g}{sign}"
+    yield f"{result.sensor}: {result.pieces} segments, {extent}{simulated}"
+    yield f"deviates from the full decoder by up to {deviation}"
 
 
 @lines.register
@@ -146,20 +147,19 @@ def _(result: Decoding) -> Iterator[str]:
     low, high = result.lowest_deg, result.highest_deg
     stimulus = STIMULI[result.stimulus]
     sign = stimulus.sign
-    ends = "none in the calibrated range" if low is None else f"{low:.4g}{sign} to {high:.4g}{sign}"
-    yield ", ".join([f"{result.readings} readings", ends, *(f"{count} {name}" for count, name in flags if count)])
-    against = result.against_angle
-    if against is not None:
-        left_out = result.readings - against.readings
-        if left_out:
+    extent = "none on the calibrated curve" if low is None else f"{low:.4g}{sign} to {high:.4g}{sign}"
+    yield ", ".join([f"{result.readings} readings", extent, *(f"{count} {name}" for count, name in flags if count)])
+    check = result.against_angle
+    if check is not None:
+        omitted = result.readings - check.readings
+        if omitted:
             yield (
-                f"{left_out} of {result.readings} readings ({100 * left_out / result.readings:.3g} %) have a recorded "
-                f"{stimulus.name} beyond the calibrated range, or none, and are omitted from the next line"
+                f"{omitted} of {result.readings} readings ({100 * omitted / result.readings:.3g} %) have no recorded "
+                f"{stimulus.name} in the calibrated range and are omitted from the next line"
             )
         yield (
-            f"compared with the recording's own {stimulus.name}: rms {against.rms_deg:.2g}{sign}, mean "
-            f"{against.bias_deg:+.1g}{sign}, "
-            f"{100 * against.within_95:.0f} % within the 95 % bands"
+            f"relative to the recorded {stimulus.name}: RMS error {check.rms_deg:.2g}{sign}, mean "
+            f"{check.bias_deg:+.1g}{sign}, {100 * check.within_95:.0f} % within the 95 % bands"
         )
     if result.interrupted:
         yield "stopped"

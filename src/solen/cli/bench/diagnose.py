@@ -12,6 +12,7 @@ from solen.pipeline.bench.diagnose import diagnose as diagnose
 def _(result: SensorDiagnoses) -> Iterator[str]:
     simulated = "; simulated" if result.simulated else ""
     for label, sensor in result.sensors.items():
-        yield f"{label}{LENS[sensor.lens]}: {sensor.cycles_used} cycles, ± is half of a 95 % interval{simulated}"
+        cycles = f"{sensor.cycles_used} cycles, ± is the half-width of the 95 % interval"
+        yield f"{label}{LENS[sensor.lens]}: {cycles}{simulated}"
         yield from (f"  {line}" for line in sensor.words)
         yield from (f"  advice: {line}" for line in sensor.advice)

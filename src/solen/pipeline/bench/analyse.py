@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.analysis import Study, study
-from solen.analysis.network import NetworkStates, analysed_network, holds_network, network_readings
-from solen.analysis.network.stream_decoder import unused
+from solen.analysis.network import NetworkStates, analysed_network, is_network, network_readings
+from solen.analysis.network.stream_decoder import check_options
 from solen.errors import OutputError, SpecError
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
 from solen.pipeline.options import FLAT, Out
@@ -23,9 +23,9 @@ def analyse(
 ) -> Outcome[Study | NetworkStates]:
     """Compute cycles, response curve and figures of merit of recorded sensors.
 
-    Switched emitters, flicker of lamps, clipped samples and a motion log of the stage in the same folder are detected
-    automatically; the command that states them explicitly is printed. A recording of several motions belongs to a
-    network: its readings are then given by emitter and receiver in every state.
+    Switched emitters, flicker of lamps, clipped samples and a stage log in the same folder are detected automatically;
+    the command that specifies them explicitly is printed. A recording of several motions is analysed as that of a
+    network: the result is the reading of every emitter and receiver in every state.
 
     Parameters
     ----------
@@ -42,20 +42,21 @@ def analyse(
     check_out(out)
     figure.check(traces)
     if traces is not None and figure.figure == traces:
-        raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own name")
+        raise OutputError(str(traces), limit="is the name of both figures", remedy="use different names")
     files, options = split_files(files, options)
-    if files and holds_network(files[0]):
-        unused(options)
-        if traces is not None or len(files) > 1:
-            what = ("--traces", traces) if traces is not None else ("files", len(files))
-            limit = "does not apply to a network" if traces is not None else "must be a single recording of a network"
-            raise SpecError(what[0], value=str(what[1]), limit=limit)
+    if files and is_network(files[0]):
+        check_options(options)
+        if traces is not None:
+            raise SpecError("--traces", value=str(traces), limit="does not apply to a network", remedy="omit it")
+        if len(files) > 1:
+            limit = f"must be analysed one at a time, but there are {len(files)}"
+            raise SpecError("recordings of a network", limit=limit, remedy="name one recording")
         return write(analysed_network(network_readings(files[0])), "analysis", out, figure=figure)
     result = study(files, options)
 
-    def over_time() -> bytes:
+    def traces_bytes() -> bytes:
         from solen.report.bench.traces import traces_figure
 
         return figure_bytes(lambda: traces_figure(result), traces or Path(), "traces", figure)
 
-    return write(result, "analysis", out, {"traces": (traces, over_time)}, figure=figure)
+    return write(result, "analysis", out, {"traces": (traces, traces_bytes)}, figure=figure)

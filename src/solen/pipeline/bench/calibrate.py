@@ -7,9 +7,9 @@ from solen.analysis import AnalysisOptions, study
 from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.calibrate import default_path
 from solen.analysis.calibration.file import text_of
-from solen.analysis.network import NetworkCalibrations, calibrated_network, holds_network, network_readings
+from solen.analysis.network import NetworkCalibrations, calibrated_network, is_network, network_readings
 from solen.analysis.network.file import text_of as network_text
-from solen.analysis.network.stream_decoder import unused
+from solen.analysis.network.stream_decoder import check_options
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions
@@ -23,9 +23,9 @@ def calibrate(
     out: Path | None = None,
     figure: FigureOptions = FigureOptions(),
 ) -> Outcome[SensorCalibrations | NetworkCalibrations]:
-    """Write calibrations of recorded sensors beside the recordings, or a single one to ``out``.
+    """Write calibrations of recorded sensors next to the recordings, or a single one to ``out``.
 
-    Recordings of several motions belong to a network, which is calibrated for all motions at once.
+    Recordings of several motions are those of a network, which is calibrated for all motions at once.
 
     Raises
     ------
@@ -33,27 +33,25 @@ def calibrate(
         If a recording, an option or an output is invalid.
     """
     check_outputs(out, figure)
-    if recordings and holds_network(recordings[0]):
+    if recordings and is_network(recordings[0]):
         return _network(recordings, options or CalibrationOptions(), analysis or AnalysisOptions(), out, figure)
     result = calibrated_sensors(study(recordings, analysis), options)
-    made = result.calibrations
-    if out is not None and len(made) > 1:
-        names = ", ".join(one.sensor for one in made)
+    calibrations = {calibration.sensor: calibration for calibration in result.calibrations}
+    if out is not None and len(calibrations) > 1:
+        limit = f"is one file, but there are {len(calibrations)} calibrations: {', '.join(calibrations)}"
         remedy = "choose one sensor with --sensor, combine all with --pool, or omit --out"
-        raise OutputError(
-            str(out), limit=f"is one file, but there are {len(made)} calibrations: {names}", remedy=remedy
-        )
-    places = {f"calibration.{one.sensor}": out or default_path(recordings, one.sensor) for one in made}
-    if len(set(places.values())) < len(made):
-        first = next(iter(places.values()))
-        raise OutputError(
-            str(first), limit="would contain several calibrations", remedy="choose one sensor with --sensor"
-        )
+        raise OutputError(str(out), limit=limit, remedy=remedy)
+    paths = {sensor: out or default_path(recordings, sensor) for sensor in calibrations}
+    if len(set(paths.values())) < len(paths):
+        first = next(iter(paths.values()))
+        limit = "would contain several calibrations"
+        raise OutputError(str(first), limit=limit, remedy="choose one sensor with --sensor")
     contents: dict[Path, files.Content] = {
-        place: text_of(one).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
+        path: text_of(calibrations[sensor]).encode("utf-8") for sensor, path in paths.items()
     }
     files.write_all(contents | drawn(result, figure, "calibration"))
-    return Outcome(result, places | named(figure=figure.figure))
+    names = {f"calibration.{sensor}": path for sensor, path in paths.items()}
+    return Outcome(result, names | named(figure=figure.figure))
 
 
 def _network(
@@ -64,11 +62,11 @@ def _network(
     figure: FigureOptions,
 ) -> Outcome[NetworkCalibrations]:
     """Calibrate a network from all its recordings together."""
-    unused(options, ("sensor",))
-    unused(analysis)
+    check_options(options, ("sensor",))
+    check_options(analysis)
     result = calibrated_network([network_readings(path, options.sensor) for path in recordings])
     sensor = result.calibration.sensor or recordings[0].stem
-    place = out or default_path(recordings, sensor)
-    content: dict[Path, files.Content] = {place: network_text(result.calibration).encode("utf-8")}
+    path = out or default_path(recordings, sensor)
+    content: dict[Path, files.Content] = {path: network_text(result.calibration).encode("utf-8")}
     files.write_all(content | drawn(result, figure, "calibration"))
-    return Outcome(result, {f"calibration.{sensor}": place} | named(figure=figure.figure))
+    return Outcome(result, {f"calibration.{sensor}": path} | named(figure=figure.figure))

@@ -1,4 +1,4 @@
-"""Angles from voltages through a saved calibration: from a recording, from lines as they arrive, or during a run."""
+"""Angles from voltages with a saved calibration: of a recording, of lines as they arrive, or during a run."""
 
 import contextlib
 import json
@@ -22,15 +22,15 @@ from solen.analysis.calibration.streams import (
     recorded_stream,
 )
 from solen.analysis.network.file import NetworkCalibration, is_network_file, load_network
-from solen.analysis.network.recorded import chosen_network, places_of
+from solen.analysis.network.recorded import indices_of, network_entry
 from solen.analysis.network.stream_decoder import (
     NetworkDecoding,
     NetworkStream,
-    Turns,
-    line_turns,
-    recorded_turns,
+    SwitchingCycles,
+    check_options,
+    cycles_of_lines,
+    recorded_cycles,
     scale_of,
-    unused,
 )
 from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
@@ -43,7 +43,7 @@ from solen.pipeline.outputs import check_table
 from solen.recording import Provenance
 from solen.results import Outcome
 
-_PIECE = 4096
+_MAX_ROWS = 4096  # decoded together
 _POLL_S = 0.05
 T = TypeVar("T")
 
@@ -62,7 +62,7 @@ def decode(
     send: str | None = None,
     force: bool = False,
 ) -> Outcome[Decoding | NetworkDecoding]:
-    """Decode angles from voltages by a saved calibration; Ctrl-C ends a stream.
+    """Decode voltages into angles with a saved calibration; Ctrl-C ends a stream.
 
     Parameters
     ----------
@@ -71,11 +71,11 @@ def decode(
     source
         A recording, the journal of a run, or ``-`` for lines of CSV.
     options, signals
-        Options of decoding, and the roles of the columns.
+        Decoding options, and the roles of the columns.
     out, rows
         A .csv file, and a stream to which angles are written as they are decoded.
     warn
-        Called with each warning that is known before the first reading.
+        Called with each warning that precedes the first reading.
     text
         Lines to read instead of standard input.
     send
@@ -91,64 +91,66 @@ def decode(
     options, signals = options or DecodeOptions(), signals or SignalOptions()
     check_table(out, "a table of angles", source, force=force)
     if options.follow and not source.endswith(SUFFIX):
-        raise SpecError("--follow", value=source, limit=f"applies only to the {SUFFIX} of a run", remedy="leave it out")
+        limit = f"applies only to the {SUFFIX} of a run, not to {source}"
+        raise SpecError("--follow", limit=limit, remedy="omit it")
     decoder: StreamDecoder | NetworkStream
     pieces: Iterator[Any]
-    given = sys.stdin if text is None else text
+    lines = sys.stdin if text is None else text
     if is_network_file(calibration):
-        decoder, pieces = _of_network(calibration, source, options, signals, given)
+        decoder, pieces = _of_network(calibration, source, options, signals, lines)
     else:
-        known = load(calibration)
-        stream = _stream(source, options, signals, known, given)
-        decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
-        pieces = (piece for batch in stream.batches for piece in in_pieces(batch, len(batch.time_s), _PIECE))
+        loaded = load(calibration)
+        stream = _stream(source, options, signals, loaded, lines)
+        decoder = StreamDecoder(loaded, str(calibration), stream, options, signals.rails, source)
+        pieces = (piece for batch in stream.batches for piece in in_pieces(batch, len(batch.time_s), _MAX_ROWS))
     if warn is not None:
-        for line in decoder.warnings:
-            warn(line)
+        for caution in decoder.warnings:
+            warn(caution)
     with (
-        contextlib.nullcontext() if send is None else outlet(send) as sent,
+        contextlib.nullcontext() if send is None else outlet(send) as receiver,
         contextlib.nullcontext() if out is None else files.streamed(out) as file,
     ):
         live = source == STDIN or options.follow
-        paced = sent if sent is None or live else Paced(sent, WallClock())
-        interrupted = _write_rows(decoder, pieces, file, [one for one in (file, rows, paced) if one is not None])
-        files_of = {} if out is None else {"out": out}
-        return Outcome(decoder.result(interrupted=interrupted), files_of)
+        paced = receiver if receiver is None or live else Paced(receiver, WallClock())
+        targets = [target for target in (file, rows, paced) if target is not None]
+        interrupted = _write_rows(decoder, pieces, file, targets)
+        return Outcome(decoder.result(interrupted=interrupted), {} if out is None else {"out": out})
 
 
 def _of_network(
-    calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
-) -> tuple[NetworkStream, Iterator[Turns]]:
-    """Return a network's decoder, and its readings in successive blocks."""
-    unused(options, ("sensor", "follow"))
-    unused(signals)
-    known, path = load_network(calibration), Path(source)
+    file: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
+) -> tuple[NetworkStream, Iterator[SwitchingCycles]]:
+    """Return the decoder of a network, and its switching cycles in successive pieces."""
+    check_options(options, ("sensor", "follow"))
+    check_options(signals)
+    calibration, path = load_network(file), Path(source)
     if source == STDIN:
-        lines, warnings = line_turns(text, known)
-        return NetworkStream(known, str(calibration), source, None, warnings), lines
+        lines, warnings = cycles_of_lines(text, calibration)
+        return NetworkStream(calibration, str(file), source, None, warnings), lines
     if path.suffix != SUFFIX:
-        turns, provenance, warnings = recorded_turns(path, known, options.sensor)
-        pieces = in_pieces(turns, len(turns.time_s), _PIECE)
-        return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
+        cycles, provenance, warnings = recorded_cycles(path, calibration, options.sensor)
+        pieces = in_pieces(cycles, len(cycles.time_s), _MAX_ROWS)
+        return NetworkStream(calibration, str(file), source, provenance, warnings), pieces
     following = Following(path)
-    grown = _turns(following, known, options.sensor, path.name, follow=options.follow)
-    return NetworkStream(known, str(calibration), source, _provenance(following, path)), grown
+    journaled = _journal_cycles(following, calibration, options.sensor, path.name, follow=options.follow)
+    return NetworkStream(calibration, str(file), source, _provenance(following, path)), journaled
 
 
-def _turns(
-    following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
-) -> Iterator[Turns]:
-    """Yield the readings in a run's journal, in the order of a calibration; with ``follow``, until the run ends."""
-    entry = chosen_network(following.header, sensor or known.sensor, file)
-    scale = scale_of(file, signal_unit(following.header), known)
-    lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
-    read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
-    for one in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
-        yield Turns(one.time_s, scale * one.volts[:, lit][:, :, read], clipped=one.clipped[:, lit][:, :, read])
+def _journal_cycles(
+    following: Following, calibration: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
+) -> Iterator[SwitchingCycles]:
+    """Yield the switching cycles in a run's journal, in the order of a calibration."""
+    entry = network_entry(following.header, sensor or calibration.sensor, file)
+    scale = scale_of(file, signal_unit(following.header), calibration)
+    emitters = indices_of("emitter", calibration.emitters, list(entry["emitters"]), file)
+    receivers = indices_of("receiver", calibration.receivers, list(entry["inputs"]), file)
+    for part in _added(following, lambda: following.turns(entry["name"]), follow=follow):
+        signal, clipped = scale * part.volts[:, emitters][:, :, receivers], part.clipped[:, emitters][:, :, receivers]
+        yield SwitchingCycles(part.time_s, signal, clipped=clipped)
 
 
 def _stream(
-    source: str, options: DecodeOptions, signals: SignalOptions, known: CalibrationFile, text: Iterable[str]
+    source: str, options: DecodeOptions, signals: SignalOptions, calibration: CalibrationFile, text: Iterable[str]
 ) -> Stream:
     if source == STDIN:
         check_live(signals)
@@ -156,14 +158,14 @@ def _stream(
     path = Path(source)
     if path.suffix == SUFFIX:
         check_live(signals, subtracted=True)
-        return _journal(path, options, known.sensor)
-    return recorded_stream(path, signals, options.sensor, known.sensor, known.stimulus_of)
+        return _journal(path, options, calibration.sensor)
+    return recorded_stream(path, signals, options.sensor, calibration.sensor, calibration.stimulus_of)
 
 
 def _write_rows(
     decoder: StreamDecoder | NetworkStream, pieces: Iterator[Any], file: TextIO | None, targets: list[TextIO | Outlet]
 ) -> bool:
-    """Decode all blocks of a stream; return whether Ctrl-C stopped it."""
+    """Decode all pieces of a stream; return whether Ctrl-C stopped it."""
     for target in targets:
         print(decoder.heading if target is file else decoder.header, end="", file=target, flush=True)
     try:
@@ -177,12 +179,12 @@ def _write_rows(
 
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
-    """Return the readings in a run's journal with ambient light subtracted; with ``follow``, until the run ends."""
+    """Return the readings in a run's journal, with ambient light subtracted."""
     following = Following(path)
-    names = [str(one["name"]) for one in following.header["sensors"]]
+    names = [str(entry["name"]) for entry in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)
-    fresh = _grown(following, lambda: following.readings(name), follow=options.follow)
-    batches = (Batch(one.time_s, one.volts, one.clipped) for one in fresh)
+    parts = _added(following, lambda: following.readings(name), follow=options.follow)
+    batches = (Batch(part.time_s, part.volts, part.clipped) for part in parts)
     return Stream(batches, name, "subtracted", _provenance(following, path), unit=signal_unit(following.header))
 
 
@@ -193,10 +195,10 @@ def _provenance(following: Following, path: Path) -> Provenance:
     return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
-def _grown(following: Following, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
-    """Yield the content added to a journal at each call of ``fresh``; with ``follow``, until the run ends."""
+def _added(following: Following, read_new: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
+    """Yield the new content of a journal; with ``follow``, until the run ends."""
     while True:
-        yield from fresh()
+        yield from read_new()
         if following.ended or not follow:
             return
         with contextlib.suppress(InterruptedError):

@@ -1,4 +1,4 @@
-"""Ambient-light subtraction from a recording: any table as input; a table of readings and a figure as output."""
+"""Subtraction of ambient light from a recording: any table as input; a table of readings and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Diagnosis of recorded sensors: each sensor's emitter, chip and receivers, fitted with its design response."""
+"""Diagnosis of recorded sensors: emitter, chip and receivers of each, from a fit of the response of its design."""
 
 from pathlib import Path
 from typing import Annotated
@@ -26,7 +26,7 @@ def diagnose(
     Parameters
     ----------
     files
-        Recordings, as of solen bench analyse.
+        Recordings, as for solen bench analyse.
 
     Raises
     ------

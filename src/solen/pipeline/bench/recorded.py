@@ -1,4 +1,4 @@
-"""Options of the commands that read recordings, and files typed after them."""
+"""Options of the commands that read recordings, and separation of the files typed after them."""
 
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from solen.analysis import AnalysisOptions, SignalOptions
 
 Flat = Parameter(name="*", consume_multiple=True)
-"""Annotation of `Options`: each field is an option, a list one option with several values."""
+"""Annotation of `Options`: each field is an option; a tuple is an option with several values."""
 Analysed = Annotated[AnalysisOptions, Flat]
 Recorded = Annotated[SignalOptions, Flat]
 ANALYSED, RECORDED = AnalysisOptions(), SignalOptions()
@@ -17,6 +17,6 @@ T = TypeVar("T", bound=SignalOptions)
 
 def split_files(files: tuple[Path, ...], options: T) -> tuple[tuple[Path, ...], T]:
     """Return all files, including those typed after ``--channel``, and the options without them."""
-    more = [text for text in options.channel if "=" not in text and Path(text).is_file()]
-    channel = tuple(text for text in options.channel if text not in more)
-    return (*files, *map(Path, more)), options.model_copy(update={"channel": channel})
+    added = [text for text in options.channel if "=" not in text and Path(text).is_file()]
+    channel = tuple(text for text in options.channel if text not in added)
+    return (*files, *map(Path, added)), options.model_copy(update={"channel": channel})

@@ -18,7 +18,7 @@ def table(
     Parameters
     ----------
     calibration
-        File of solen bench calibrate.
+        File from solen bench calibrate.
     folder
         Folder for solen_decode.py and solen_decode.h.
     """
@@ -34,9 +34,9 @@ def table(
     )
     texts = {"solen_decode.py": board_table.python, "solen_decode.h": board_table.c}
     written = files.write_new(folder, {name: text.encode() for name, text in texts.items()})
-    off, sigma = board_table.off_deg(known.calibration)
+    deviation_deg, sigma = board_table.deviation(known.calibration)
     low, high = known.range_deg
     result = DecodingTable(
-        known.sensor, len(board_table.pieces), low, high, off, sigma, known.simulated, known.stimulus
+        known.sensor, len(board_table.pieces), low, high, deviation_deg, sigma, known.simulated, known.stimulus
     )
     return Outcome(result, dict(zip(texts, written, strict=True)))

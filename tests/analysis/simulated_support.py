@@ -1,4 +1,4 @@
-"""Recordings whose truth is known: a protocol, a response with hysteresis, and what a rig adds to it."""
+"""Simulated recordings with known true values: a protocol, a response with hysteresis, and errors of a rig."""
 
 from dataclasses import dataclass, replace
 
@@ -8,12 +8,12 @@ from solen.analysis import Signals
 from solen.arrays import FloatArray
 
 LEVELS = (0.0, 3.0, 0.0, -3.0)
-"""Levels of one cycle of the paper; it comes back to the first."""
+"""Levels of one cycle of the paper; the next cycle begins at the first level again."""
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """Levels of a cycle, how fast they are reached and how long each is held."""
+    """Levels of a cycle, speed between them, and duration of each hold."""
 
     levels_deg: tuple[float, ...] = LEVELS
     speed_deg_per_s: float = 15.0
@@ -24,11 +24,11 @@ class Protocol:
     after_s: float = 1.0
 
     def corners(self) -> tuple[FloatArray, FloatArray]:
-        """Times and angles between which the angle is straight."""
+        """Return the times and angles at which the speed changes."""
         rest = self.levels_deg[0]
         times, angles = [0.0, self.before_s], [rest, rest]
-        for place in range(1, round(self.cycles * len(self.levels_deg)) + 1):
-            level = self.levels_deg[place % len(self.levels_deg)]
+        for index in range(1, round(self.cycles * len(self.levels_deg)) + 1):
+            level = self.levels_deg[index % len(self.levels_deg)]
             times.append(times[-1] + abs(level - angles[-1]) / self.speed_deg_per_s)
             angles.append(level)
             hold = self.rest_hold_s if level == rest else self.hold_s
@@ -41,19 +41,19 @@ class Protocol:
         return np.asarray(np.interp(time_s, *self.corners()), dtype=np.float64)
 
     def starts_s(self) -> FloatArray:
-        """When each cycle leaves its rest."""
-        took = sum(
+        """Return the times at which the cycles leave the first level."""
+        duration_s = sum(
             abs(a - b) / self.speed_deg_per_s
             for a, b in zip(self.levels_deg, (*self.levels_deg[1:], self.levels_deg[0]), strict=True)
         )
-        took += self.hold_s * (len(self.levels_deg) - self.levels_deg.count(self.levels_deg[0]))
-        took += self.rest_hold_s * self.levels_deg.count(self.levels_deg[0])
-        return np.asarray(self.before_s + took * np.arange(int(self.cycles)), dtype=np.float64)
+        duration_s += self.hold_s * (len(self.levels_deg) - self.levels_deg.count(self.levels_deg[0]))
+        duration_s += self.rest_hold_s * self.levels_deg.count(self.levels_deg[0])
+        return np.asarray(self.before_s + duration_s * np.arange(int(self.cycles)), dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a made recording has in it."""
+    """True values of a simulated recording."""
 
     protocol: Protocol = Protocol()
     rate_hz: float = 200.0
@@ -73,39 +73,38 @@ class Truth:
     seed: int = 1
 
     def response_V(self, angle_deg: FloatArray) -> FloatArray:
-        """Left and right, (n, 2): a rising angle brightens the left, so that its voltage falls."""
+        """Return the left and right voltages, (n, 2): the left receiver gets brighter as the angle rises."""
         shape = np.tanh(angle_deg / self.width_deg)
         return np.column_stack([self.offset_V - self.swing_V * shape, self.offset_V + self.swing_V * shape])
 
 
-def made(truth: Truth, label: str = "S1") -> Signals:
-    """Signals of a truth."""
-    draw = np.random.default_rng(truth.seed)
+def simulated(truth: Truth, label: str = "S1") -> Signals:
+    """Return the signals of a recording with given true values."""
+    rng = np.random.default_rng(truth.seed)
     end = truth.protocol.corners()[0][-1]
     time_s = np.arange(0.0, end, 1.0 / truth.rate_hz)
-    time_s = np.sort(time_s + truth.irregular / truth.rate_hz * draw.uniform(-0.5, 0.5, time_s.size))
+    time_s = np.sort(time_s + truth.irregular / truth.rate_hz * rng.uniform(-0.5, 0.5, time_s.size))
     angle = truth.protocol.angle_deg(time_s)
     volts = truth.response_V(angle) + _hysteresis(angle)[:, None] * 0.5 * truth.hysteresis_V
     volts += truth.drift_V_per_min * time_s[:, None] / 60.0
     volts += truth.flicker_V * np.sin(2.0 * np.pi * truth.flicker_hz * time_s + 0.3)[:, None]
-    volts += truth.noise_V * draw.standard_normal(volts.shape)
-    shown = angle + truth.angle_noise_deg * draw.standard_normal(angle.size)
+    volts += truth.noise_V * rng.standard_normal(volts.shape)
+    measured = angle + truth.angle_noise_deg * rng.standard_normal(angle.size)
     if truth.angle_step_deg:
-        shown = truth.angle_step_deg * np.round(shown / truth.angle_step_deg)
+        measured = truth.angle_step_deg * np.round(measured / truth.angle_step_deg)
     if truth.rails_V is not None:
         volts = np.clip(volts, *truth.rails_V)
-    return Signals(label, ("left", "right"), time_s, shown, volts, truth.lens, f"{label}.csv")
+    return Signals(label, ("left", "right"), time_s, measured, volts, truth.lens, f"{label}.csv")
 
 
 def _hysteresis(angle: FloatArray) -> FloatArray:
-    """1 on rising ways, −1 on falling ones; kept through a hold."""
+    """Return 1 while the angle rises and −1 while it falls; a hold keeps the sign of the preceding motion."""
     sign = np.sign(np.diff(angle, prepend=angle[0]))
     last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(sign.size), 0))
     return sign[last]
 
 
-def part(signals: Signals, start_s: float, stop_s: float) -> Signals:
-    """Signals between two times."""
-    held = (signals.time_s >= start_s) & (signals.time_s < stop_s)
-    kept = (signals.time_s[held], signals.angle_deg[held], signals.volts[held])
-    return replace(signals, time_s=kept[0], angle_deg=kept[1], volts=kept[2])
+def section(signals: Signals, start_s: float, stop_s: float) -> Signals:
+    """Return the signals between two times."""
+    kept = (signals.time_s >= start_s) & (signals.time_s < stop_s)
+    return replace(signals, time_s=signals.time_s[kept], angle_deg=signals.angle_deg[kept], volts=signals.volts[kept])
