@@ -127,7 +127,7 @@ REFUSED: list[tuple[list[str], type[SolenError], str]] = [
     (["lens.profile=none.json"], DataError, "no such file"),
     (["lens.profile=sensor.toml"], DataError, "lens.profile"),
     (["lens.profile="], SpecError, "lens.profile"),
-    (["lens.profile=3"], SpecError, "lens.profile = 3; must be text"),
+    (["lens.profile=3"], SpecError, "lens.profile = 3; must be a string"),
     (["lens.half_width_mm=2.9"], DesignError, "lens.profile = '2001 points from -2 to 2 mm'"),
     (["lens.focus_mm=1.5"], DesignError, "lens.focus_mm"),
     (["lens.shape=printed"], SpecError, "'layered', 'measured' or 'none'"),
@@ -145,7 +145,7 @@ def test_what_cannot_be_is_refused_in_one_line(
 
 
 def test_a_measured_lens_needs_a_profile_and_a_drawn_body_has_none() -> None:
-    with pytest.raises(SpecError, match=r'lens\.profile; missing: shape = "measured" needs it; add profile'):
+    with pytest.raises(SpecError, match=r'lens\.profile; missing: required with shape = "measured"; add profile'):
         loads(MEASURED.replace('profile = "lens.json"\n', ""))
     outline = '[body]\nkind = "outline"\nfile = "a.dxf"\n[lens]\nprofile = "lens.json"\n'
     with pytest.raises(SpecError, match=r"lens\.profile = 'lens\.json'; does not apply with body.kind = \"outline\""):

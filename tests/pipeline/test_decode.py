@@ -336,8 +336,8 @@ def test_calibrations_that_cannot_be_read(
 
     missing = refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
     assert "solen bench calibrate" in missing
-    assert "not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
-    assert "not JSON: NaN is not a valid JSON number" in told('{"kind": "calibration", "schema": NaN}')
+    assert "not valid JSON" in told(calibration.read_text(encoding="utf-8")[:500])
+    assert "not valid JSON: NaN is not a valid JSON number" in told('{"kind": "calibration", "schema": NaN}')
     assert "is not the calibration of a sensor" in told('{"kind": "analysis"}')
     assert "is not the calibration of a sensor" in told("[1, 2]")
     assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))

@@ -16,7 +16,7 @@ from solen.errors import DataError, SpecError
 from solen.files import read_text
 from solen.geometry.coupons import Coupon, CouponOptions, Stage, coupon_of
 from solen.ranks import Caution, note, warning
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 
 JOB_KIND = "coupon-job"
 SCHEMA = 1
@@ -142,7 +142,7 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
     DataError
         If the file cannot be read, is not a job, or has a damaged layout.
     """
-    data = parsed(read_text(path, DataError), str(path))
+    data = parse_json(read_text(path, DataError), str(path))
     remedy = "write the job again: solen print coupons"
     if not isinstance(data, dict) or data.get("kind") != JOB_KIND:
         raise DataError(str(path), limit="is not a coupon job", remedy=remedy)

@@ -25,7 +25,7 @@ from solen.material.resin import Resin, resin_of
 from solen.ranks import Caution, note, warning
 from solen.recording import Provenance
 from solen.spec import Design
-from solen.spec.design import names_file
+from solen.spec.design import is_file_path
 
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
@@ -135,5 +135,5 @@ def resin_named(name: str | None, known: str = "") -> tuple[str, Resin | None]:
     """Return the name and data of a resin from the library or a file; without a name, the ``known`` description."""
     if name is None:
         return f"{UNNAMED}{known}: give --resin", None
-    resin = resin_of(name, Path(name) if names_file(name) else None)
+    resin = resin_of(name, Path(name) if is_file_path(name) else None)
     return resin.name, resin

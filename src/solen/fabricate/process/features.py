@@ -27,7 +27,7 @@ from solen.fabricate.process.growth import Light, inside
 from solen.fabricate.process.settings import Settings
 from solen.recording import Provenance
 from solen.recording.source import load
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Number, Strict, error_context
 
 Kind = Literal["pillar", "hole", "gap", "step"]
@@ -162,7 +162,7 @@ def read_features(path: Path) -> MeasuredCoupon:
         If the file contains no feature, or an impossible one.
     """
     source = load(path)
-    data = parsed(source.text(), str(path))
+    data = parse_json(source.text(), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
         raise DataError(str(path), limit='not a feature file: it has no list "features"')
     _check_units(path, data["features"])
