@@ -158,23 +158,23 @@ def test_the_default_wavelength_is_the_mean_of_the_spectrum() -> None:
 def test_a_pattern_is_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "pattern.csv"
     path.write_text("# angle, intensity\n0, 1\n60; 0.5\n\n90\t0 # dark\n", encoding="utf-8")
-    saved_design = design(pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
-    assert light_of(saved_design).table == ((0.0, 1.0), (60.0, 0.5), (90.0, 0.0))
+    original = design(pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
+    assert light_of(original).table == ((0.0, 1.0), (60.0, 0.5), (90.0, 0.0))
     for text, words in (("0 1\n5 x\n", "line 2 = '5 x'"), ("0 1 2\n", "line 1"), ("5 1\n9 0\n", "ascend"), ("", "2")):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(DataError, match=words):
-            light_of(saved_design)
+            light_of(original)
 
 
 def test_a_design_saved_in_another_folder_keeps_its_files(tmp_path: Path) -> None:
     """A design saved in another folder still refers to the same files."""
-    saved_design = design(part="parts/mine.toml", pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
+    original = design(part="parts/mine.toml", pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
     (tmp_path / "below").mkdir()
-    saved = load(save(tmp_path / "below" / "a.toml", saved_design))
+    saved = load(save(tmp_path / "below" / "a.toml", original))
     assert saved.emitter.part == "../parts/mine.toml"
     assert saved.emitter.pattern_file == "../pattern.csv"
     assert {key: path.resolve() for key, path in saved.files.items()} == {
-        key: path.resolve() for key, path in saved_design.files.items()
+        key: path.resolve() for key, path in original.files.items()
     }
 
 
@@ -194,11 +194,11 @@ def test_a_design_saved_in_another_folder_keeps_its_files(tmp_path: Path) -> Non
     ids=str,
 )
 def test_a_design_that_is_written_and_read_has_the_same_light(emitter: dict[str, object]) -> None:
-    saved_design = design(**emitter)
-    again = loads(dumps(saved_design))
-    assert again == saved_design
-    assert light_of(again) == light_of(saved_design)
-    assert light_of(with_values(saved_design, {"name": "two"})) == light_of(saved_design)
+    original = design(**emitter)
+    again = loads(dumps(original))
+    assert again == original
+    assert light_of(again) == light_of(original)
+    assert light_of(with_values(original, {"name": "two"})) == light_of(original)
 
 
 @pytest.mark.parametrize(
