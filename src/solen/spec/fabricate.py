@@ -40,7 +40,7 @@ class Fabricate(Strict):
         description="Parts next to which the top has slots for a supporting film: receivers, emitter.",
         json_schema_extra={"uniqueItems": True},
     )
-    film_mm: Length = Field(0.1, description="Thickness of the film in mm.")
+    film_mm: Length = Field(0.1, description="Thickness of the film in mm, which is the depth of a slot.")
     slot_width_mm: Length = Field(2.0, description="Width of the film in mm.")
     slot_length_mm: Length = Field(2.0, description="Length of a slot into the body in mm.")
     mark: Annotated[bool, Field(strict=True)] = Field(

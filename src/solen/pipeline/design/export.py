@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from solen import files
-from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, cut_for, exported_solid
+from solen.fabricate import DEFAULT_FORMATS, FORMATS, Export, ExportedSolid, cut_for, exported_solid
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
@@ -37,7 +37,7 @@ def export(
     out
         Folder for the files, created if missing; files of the same names are replaced.
     formats
-        Some of `FORMATS`; default: `USUAL`, or with ``slicing`` none.
+        Some of `FORMATS`; default: `DEFAULT_FORMATS`, or with ``slicing`` none.
     assignments
         ``key=value`` assignments to the design.
     tolerance_mm
@@ -55,7 +55,7 @@ def export(
         If the design cannot be built, an extra is missing, or a file cannot be written; then nothing is written.
     """
     figure.check()
-    chosen = [kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ()))]
+    chosen = [kind for kind in FORMATS if kind in (formats or (DEFAULT_FORMATS if slicing is None else ()))]
     for kind in chosen:
         FORMATS[kind].needs()
     part = design if isinstance(design, Design) else open_design(design, assignments)

@@ -21,8 +21,8 @@ from solen.fabricate.layers import (
     Slicing,
     Stack,
     as_sheet,
-    checked_for_goo,
     layered_print,
+    lift_of,
     printable_design,
     printable_mesh,
     write_archive,
@@ -115,7 +115,7 @@ def layers(
     if figure.figure is not None and slicing.sheet_only:
         raise SpecError("--figure", limit="draws layers, but --sheet-only makes none", remedy="leave one of them out")
     if file.suffix.lower() != ".json":
-        slicing = exposed_as_printed(slicing)
+        slicing = with_process_defaults(slicing)
     sources = files_read(slicing.process, slicing.cure)
     if file.suffix.lower() == ".toml":
         design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
@@ -144,10 +144,10 @@ def printed_by(slicing: Slicing) -> Process | None:
     return process_of(ProcessOptions(process=slicing.process, cure=slicing.cure))[0]
 
 
-def exposed_as_printed(slicing: Slicing) -> Slicing:
+def with_process_defaults(slicing: Slicing) -> Slicing:
     """Return slicing options with the layer heights and exposures of their process."""
     process = None if slicing.process is None else printed_by(slicing)
-    return slicing if process is None else slicing.exposed_as(process.process)
+    return slicing if process is None else slicing.with_defaults_of(process.process)
 
 
 def layer_files(
@@ -158,7 +158,7 @@ def layer_files(
     greys = Greys() if process is None else process.greys
     job = Job(part.solid, printer_of(slicing.printer), slicing, greys, process)
     if slicing.format == "goo":
-        checked_for_goo(job)
+        lift_of(job)
     layers = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]
     endings = {"layers": layers, "placed": "-placed.stl", "sheet": "-settings.md", "settings": "-settings.json"}
     if slicing.sheet_only:

@@ -16,7 +16,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import check_ending, drawn
-from solen.pipeline.print.layers import LayerFiles, exposed_as_printed, layer_files, with_figure
+from solen.pipeline.print.layers import LayerFiles, layer_files, with_figure, with_process_defaults
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
@@ -63,7 +63,7 @@ def tune(
     check_tunable(sensor)
     log = out / f"{stem_of(design)}-tuning.json" if log is None else log
     before = read_log(log) if log.exists() else None
-    slicing = exposed_as_printed(slicing)
+    slicing = with_process_defaults(slicing)
     micrograph = read_image(image, options=options)
     measured = measure_lens(micrograph, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
     name = f"{stem_of(design)}-tuned-{_next(before)}"

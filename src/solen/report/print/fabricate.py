@@ -134,7 +134,7 @@ def _draw_plan(axes: Axes, part: Part) -> None:
             axes.plot(*ring.T, color=INK, lw=1.0)
     for cut in part.cuts:
         slot = cut.name.startswith("slot")
-        for ring in cut.takes.rings(1e-2):
+        for ring in cut.removed.rings(1e-2):
             axes.fill(*ring.T, facecolor=LEFT if slot else RIGHT, alpha=0.35, lw=0)
             axes.plot(*ring.T, color=LEFT if slot else RIGHT, lw=1.0)
     for colour, what, depth in _seats(part):
@@ -152,6 +152,6 @@ def _seats(part: Part) -> list[tuple[str, str, str]]:
     seats: dict[str, tuple[str, str, str]] = {}
     for cut in part.cuts:
         kind = cut.name.partition("-")[0]
-        heights = f"Z {cut.takes.from_mm:.4g} to {cut.takes.to_mm:.4g} mm"
+        heights = f"Z {cut.removed.from_mm:.4g} to {cut.removed.to_mm:.4g} mm"
         seats[kind] = (LEFT if kind == "slot" else RIGHT, f"{kind}s", heights)
     return list(seats.values())

@@ -90,7 +90,7 @@ def _draw_plate(axes: Axes, job: Job) -> None:
     width, depth, _ = job.printer.size_mm
     x, y, _ = job.solid.size_mm
     axes.add_patch(Rectangle((-0.5 * width, -0.5 * depth), width, depth, facecolor="none", edgecolor=INK, lw=1.0))
-    for left, low in job.places_mm:
+    for left, low in job.positions_mm:
         axes.add_patch(Rectangle((left - 0.5 * x, low - 0.5 * y), x, y, facecolor=RIGHT, alpha=0.5, lw=0))
     axes.set(xlim=(-0.53 * width, 0.53 * width), ylim=(-0.53 * depth, 0.53 * depth), xlabel="X (mm)", ylabel="Y (mm)")
     axes.set_title(f"plate of {width:.4g} × {depth:.4g} mm")

@@ -30,10 +30,10 @@ def printed_figure(prediction: PrintedDesign) -> Figure:
 def _outline(axes: Axes, prediction: PrintedDesign) -> None:
     target, made = prediction.deviation.target, prediction.compensation
     axes.plot(*target.points_mm.T, color=INK, lw=3.0, alpha=0.5, label="wanted")
-    axes.plot(*target.moved_um(_EXAGGERATED * prediction.deviation.um).T, **series(1), lw=1.2, label="printed")
+    axes.plot(*target.displaced(_EXAGGERATED * prediction.deviation.um).T, **series(1), lw=1.2, label="printed")
     if made is not None:
-        axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, **series(2), lw=1.2, label="to draw")
-        axes.plot(*target.moved_um(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
+        axes.plot(*target.displaced(_EXAGGERATED * made.drawn_um).T, **series(2), lw=1.2, label="to draw")
+        axes.plot(*target.displaced(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
     axes.set_title(f"the lens, deviations drawn {_EXAGGERATED:g} times")
     axes.legend()
