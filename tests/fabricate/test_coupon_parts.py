@@ -228,7 +228,7 @@ def test_printed_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Non
     [
         (["--out", "p", "--only", "group-x"], "--only = 'group-x'; must be one or more of group-a"),
         (["--out", "p", "--only", ""], "--only = ''"),
-        ([], "--out; is missing"),
+        ([], "--out; missing"),
         (["--out", "p", "--layer-um", "0"], "--layer-um = '0'"),
         (["--out", "p", "--pitch-um", "nan"], "--pitch-um = 'nan'"),
         (["--out", "p", "--spacing-mm", "0"], "--spacing-mm = '0'"),

@@ -201,10 +201,7 @@ def print_layers(
 
 
 def layer_files(prediction: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
-    """Return the files of a prediction: the printed layers, and the design that draws the compensated layers.
-
-    Raises `OutputError` if two of the files have the same path.
-    """
+    """Return the files of a prediction: the printed layers, and the design that draws the compensated layers."""
     contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(prediction.profile).encode()}
     model, compensated = prediction.model, prediction.compensated
     if compensate is None or compensated is None:
@@ -214,8 +211,8 @@ def layer_files(prediction: PrintedLayers, out: Path | None, compensate: Path | 
     drawing = f"# {caution.capitalize()}.\n{dumps(_drawn_design(prediction.sensor, drawn.name))}"
     drawn_profiles = model.profiles(compensated.drawn, f"{prediction.name}, {LABEL}", caution)
     profiles = printed_profiles(model, compensated, prediction.name, prediction.process)
-    compensated_files = {compensate: drawing.encode(), drawn: layers_text(drawn_profiles).encode()}
-    return files.joined(contents, compensated_files, {printed: layers_text(profiles).encode()})
+    contents |= {compensate: drawing.encode(), drawn: layers_text(drawn_profiles).encode()}
+    return contents | {printed: layers_text(profiles).encode()}
 
 
 def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
