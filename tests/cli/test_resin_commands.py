@@ -234,7 +234,7 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (file_with(b'{"kind": "index", '), "bad.json: JSON; not valid JSON: Expecting property name"),
         (file_with(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not valid JSON: NaN is not a valid JSON number"),
         (file_with(b"[" * 100_000), "bad.json: JSON; not valid JSON: "),
-        (file_with(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
+        (file_with(b"\xff\xfe{}"), "bad.json; is not UTF-8 text"),
         (
             file_with(b'{"kind": "cure"}', "cure"),
             "bad.json: cure.Dp_um; missing; add it: penetration depth in µm.; and 1 more",

@@ -221,7 +221,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),
         *_exposures(s),
         *([("Working curve", s.cure)] if s.cure else []),
-        ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
+        ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure that of your printer"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
         *_images(s),
         ("Supports", "none; solen does not make supports"),
