@@ -124,8 +124,8 @@ def _printer_warnings(job: Job) -> list[Caution]:
         text = f"{numbers} of {job.printer.name} are estimates: check them before you print"
         warnings.append(warning(text))
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
-        text = f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the printer in the paper: measure that of your printer"
-        warnings.append(warning(text))
+        assumption = f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the printer in the paper"
+        warnings.append(warning(f"{assumption}: measure that of your printer"))
     return warnings
 
 
