@@ -14,7 +14,7 @@ def _(tuned: TunedPrint) -> Iterator[str]:
     yield f"{simulated(tuned)}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
     yield f"deviation from the design {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm RMS"
     yield (
-        f"common to all prints, from {common.prints}: overgrowth {common.overgrowth_um:+.3g} ± "
+        f"common to all prints (number: {common.prints}): overgrowth {common.overgrowth_um:+.3g} ± "
         f"{common.u_overgrowth_um:.2g} µm, size {common.size_percent:+.2g} ± {common.u_size_percent:.2g} %, form "
         f"{common.form_um:.2g} µm RMS; prints differ by about {common.repeat_um:.2g} µm"
     )

@@ -250,7 +250,7 @@ def _layer_warnings(prediction: PrintedDesign) -> list[Caution]:
     if max(first, middle, last) - min(first, last) < _MAX_TAPER_UM:
         return []
     growth = f"{first:+.3g} µm at the first layer, {middle:+.3g} µm at mid-height and {last:+.3g} µm at the last layer"
-    return [warning(f"walls grow beyond their image by {growth}: light at another height meets another lens shape")]
+    return [warning(f"walls grow beyond their image by {growth}: the shape of the lens depends on the height")]
 
 
 def _asymmetry_warnings(prediction: PrintedDesign) -> list[Caution]:

@@ -102,7 +102,7 @@ class PrintedDesign(Result):
     phase
         Best position of the lens in its pixel, and the improvement; None if it was not computed.
     deviation
-        Deviation from the designed lens, along its normal; positive for more material.
+        Deviation from the designed lens, along its normal; positive for additional material.
     u_rms_um, u_max_um
         Standard uncertainty of the deviation along the lens.
     shape

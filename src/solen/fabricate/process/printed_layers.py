@@ -45,7 +45,7 @@ CYLINDER, DESIGNED, PRINTED, COMPENSATED = "cylinder", "designed", "printed", "c
 
 @dataclass(frozen=True)
 class LayerDeviation:
-    """Deviation of the wall of one layer from the designed wall, along its normal; positive for more material.
+    """Deviation of the wall of one layer from the designed wall, along its normal; positive for additional material.
 
     Attributes
     ----------

@@ -58,7 +58,7 @@ class SidePrint:
         Index of the layer of the first row.
     corner_um
         Position at which the first column begins.
-    platform_um
+    plate_um
         Position of the plate along the printing direction.
     target
         The designed lens.
@@ -69,7 +69,7 @@ class SidePrint:
     rows: FloatArray
     first: int
     corner_um: float
-    platform_um: float
+    plate_um: float
     target: Target
 
     @classmethod
@@ -83,21 +83,21 @@ class SidePrint:
         """
         rings_um = [_rotated(1e3 * np.asarray(ring), side) for ring in rings]
         target_um = _rotated(1e3 * target.points_mm, side)
-        platform = min(float(ring[:, 1].min()) for ring in rings_um)
+        plate = min(float(ring[:, 1].min()) for ring in rings_um)
         highest = max(float(ring[:, 1].max()) for ring in rings_um)
         h, pitch = settings.layer_um, _pixel_um(settings, side)
         _check_resolution(target_um, settings, pitch)
-        layers = round((highest - platform) / h)
+        layers = round((highest - plate) / h)
         low, high = target_um.min(axis=0), target_um.max(axis=0)
-        first = max(0, math.floor((low[1] - platform - _MARGIN_UM) / h))
-        last = min(layers, math.ceil((high[1] - platform + settings.deep_Dp_um * _DEPTHS) / h) + 1)
+        first = max(0, math.floor((low[1] - plate - _MARGIN_UM) / h))
+        last = min(layers, math.ceil((high[1] - plate + settings.deep_Dp_um * _DEPTHS) / h) + 1)
         start = pitch * math.floor((low[0] - _MARGIN_UM) / pitch)
         _check_work(last - first, (high[0] - start + _MARGIN_UM) / pitch, settings)
         columns = fft.next_fast_len(math.ceil((high[0] + _MARGIN_UM - start) / pitch), real=True)
-        heights = platform + (np.arange(first, last) + 0.5) * h
+        heights = plate + (np.arange(first, last) + 0.5) * h
         rows = np.array([_row(rings_um, float(height), start, pitch, columns) for height in heights])
         light = settings.greys.light[np.rint(FULL * rows).astype(np.uint8)]
-        return cls(settings, side, light, first, start, platform, target)
+        return cls(settings, side, light, first, start, plate, target)
 
     @cached_property
     def _log_excess(self) -> FloatArray:
@@ -130,7 +130,7 @@ class SidePrint:
         """Return the logarithm of dose over critical dose at points (..., 2) in the plane of the body."""
         s, fine = self.settings, self.settings.pixel_light.fine
         points = _rotated(1e3 * np.asarray(points_mm, float), self.side)
-        height = (points[..., 1] - self.platform_um) / s.layer_um
+        height = (points[..., 1] - self.plate_um) / s.layer_um
         layer = np.floor(height)
         sublayer = (height - layer) * (SUBLAYERS - 1)
         row, layers = layer - self.first, len(self.rows)
