@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, drawn, encoded, series
 from solen.report.plot import figure_of
-from solen.report.print.predict_figure import draw_deviation
+from solen.report.print.as_printed import draw_deviation
 from solen.sensor import Sensor
 from solen.sensor.traced import trace_design
 from solen.spec import loads, template, with_values

@@ -231,9 +231,9 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
         (file_with(b"{}"), "bad.json: kind; ... solen resin index --out"),
         (file_with(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
-        (file_with(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
-        (file_with(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a valid JSON number"),
-        (file_with(b"[" * 100_000), "bad.json: JSON; not JSON: "),
+        (file_with(b'{"kind": "index", '), "bad.json: JSON; not valid JSON: Expecting property name"),
+        (file_with(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not valid JSON: NaN is not a valid JSON number"),
+        (file_with(b"[" * 100_000), "bad.json: JSON; not valid JSON: "),
         (file_with(b"\xff\xfe{}"), "bad.json; is not UTF-8 text"),
         (
             file_with(b'{"kind": "cure"}', "cure"),
@@ -242,7 +242,7 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("index", mode="guess"), "bad.json: index.mode = 'guess'; must be one of measured"),
         (damaged("index", n=[1.5]), "bad.json: n = 1; must have 3 entries, one per wavelength"),
         (damaged("index", sources="layer.csv"), "bad.json: sources = 'layer.csv'; must be a list"),
-        (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be text"),
+        (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be a string"),
         (
             damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95_loss_dB_per_cm=[-50, -40]),
             "bad.json: loss_dB_per_cm = -43.0; a guide cannot amplify",

@@ -70,7 +70,7 @@ def test_traces_rayoptics_scene_in_its_units(rayoptics_file: Path, capsys: pytes
     lines = printed(capsys, str(rayoptics_file)).splitlines()
     assert lines[0] == "a lamp and a screen (ray-optics), 1 rays, mode power"
     assert "all       0.5 ± unknown  (1 rays)" in lines[2]
-    assert lines[-1] == f"not understood: object 4, Hologram: {reason}"
+    assert lines[-1] == f"ignored: object 4, Hologram: {reason}"
 
 
 def test_traces_rayoptics_scene_with_engine(rayoptics_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,10 +97,10 @@ def test_draws_figure_of_scene(rayoptics_file: Path, tmp_path: Path, capsys: pyt
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--angle-deg", "0"), "--angle-deg = 0.0; applies to a design"),
-        (("--no-lens",), "--no-lens; applies to a design"),
-        (("--set", "lens.focus_mm=3"), "--set = 'lens.focus_mm=3'; applies to a design"),
-        (("--rays", "7"), "--rays = 7; applies to a design"),
+        (("--angle-deg", "0"), "--angle-deg = 0.0; applies to designs"),
+        (("--no-lens",), "--no-lens; applies to designs"),
+        (("--set", "lens.focus_mm=3"), "--set = 'lens.focus_mm=3'; applies to designs"),
+        (("--rays", "7"), "--rays = 7; applies to designs"),
         (("--mode", "guess"), "guess"),
         (("--sampling", "sobol"), "add --mode power"),
         (("--histogram", "7"), "add --mode power"),
@@ -166,7 +166,7 @@ def test_checks_scenes(
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "a lamp and a screen: a valid scene of ray-optics"
     assert "  monitors    detector1, all" in lines
-    assert lines[-1].startswith("not understood: object 4, Hologram")
+    assert lines[-1].startswith("ignored: object 4, Hologram")
     assert run_command(["check", str(solen_file), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["format"], result["rays"], result["receivers"], result["monitors"]) == (
@@ -176,7 +176,7 @@ def test_checks_scenes(
         ["line"],
     )
     assert run_command(["check", str(solen_file), "--set", "lens.focus_mm=3"]) == 2
-    assert "applies to a design" in capsys.readouterr().err
+    assert "applies to designs" in capsys.readouterr().err
     bad = tmp_path / "bad.json"
     bad.write_text("{", encoding="utf-8")
     assert run_command(["check", str(bad)]) == 2

@@ -1,9 +1,9 @@
-"""A reader of `.goo` V3.0, written from the format's description alone, by somebody who had not seen the writer.
+"""A reader of `.goo` V3.0, written from the specification alone by an author who had not seen the writer.
 
-The description: the table of fields that Elegoo publishes (github.com/elegooofficial/GOO), as independent programs
-repeat it field by field: UVtools (`GooFile.cs`, with the maker's remarks on runs) and mslicer (`goo_format`, which adds
-that numbers are big-endian, that the checksum is the inverted sum of the payload, and that every pixel must be stated).
-Whatever breaks a rule is refused; nothing is repaired.
+The specification is the table of fields published by Elegoo (github.com/elegooofficial/GOO), as implemented by
+independent programs: UVtools (`GooFile.cs`, with the manufacturer's comments on runs) and mslicer (`goo_format`, which
+adds that numbers are big-endian, that the checksum is the inverted sum of the payload, and that runs cover every
+pixel). A file that violates a rule is refused; nothing is repaired.
 """
 
 import math
@@ -57,14 +57,14 @@ POSITIVE = {
     *("total_layers", "x_resolution", "y_resolution", "x_size_mm", "y_size_mm", "z_size_mm"),
     *("layer_thickness_mm", "exposure_s", "bottom_exposure_s", "position_mm"),
 }
-TEXTS = {"software", "software_version", "file_time", "printer_name", "printer_type", "profile_name", "price_unit"}
-OF_EACH_KIND = ["exposure_s", "light_pwm", *(name for name, _ in LAYER if name.endswith(("lift_s", "retract_s")))]
-OF_EACH_KIND += [name for name, _ in LAYER if "lift_mm" in name or "retract_mm" in name]
-"""What the header states for bottom layers (`bottom_…`) and for all others."""
+STRINGS = {"software", "software_version", "file_time", "printer_name", "printer_type", "profile_name", "price_unit"}
+REPEATED = ["exposure_s", "light_pwm", *(name for name, _ in LAYER if name.endswith(("lift_s", "retract_s")))]
+REPEATED += [name for name, _ in LAYER if "lift_mm" in name or "retract_mm" in name]
+"""Fields that the header has twice, for bottom layers (`bottom_…`) and for the others."""
 
 
 class RuleError(ValueError):
-    """The file breaks a rule of the description."""
+    """A file violates a rule of the specification."""
 
 
 def need(holds: bool, rule: str) -> None:
@@ -74,23 +74,23 @@ def need(holds: bool, rule: str) -> None:
 
 @dataclass(frozen=True)
 class GooLayer:
-    """One layer: its definition and its runs."""
+    """A layer: its definition and its runs."""
 
     fields: dict[str, Any]
     data: bytes = field(repr=False)
     shape: tuple[int, int]
     """Rows and columns."""
     top: int
-    """The grey that is full light."""
+    """Grey level of full light."""
 
     @cached_property
     def runs(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """Grey and length of each run."""
+        """Grey level and length of each run."""
         return decoded(self.data, self.shape[0] * self.shape[1], self.top)
 
     @property
     def lit_pixels(self) -> float:
-        """Covered area in pixels: the sum of greys, each as a share of full light."""
+        """Covered area in pixels: the sum of grey levels as fractions of full light."""
         greys, lengths = self.runs
         return float(np.dot(greys.astype(float), lengths)) / self.top
 
@@ -102,7 +102,7 @@ class GooLayer:
 
 @dataclass(frozen=True)
 class GooFile:
-    """A whole file that keeps every rule."""
+    """A file that satisfies all rules."""
 
     header: dict[str, Any]
     layers: list[GooLayer]
@@ -110,8 +110,8 @@ class GooFile:
     @property
     def pixel_mm(self) -> tuple[float, float]:
         """Width and height of a pixel on the plate."""
-        head = self.header
-        return head["x_size_mm"] / head["x_resolution"], head["y_size_mm"] / head["y_resolution"]
+        header = self.header
+        return header["x_size_mm"] / header["x_resolution"], header["y_size_mm"] / header["y_resolution"]
 
     @property
     def areas_mm2(self) -> NDArray[Any]:
@@ -120,33 +120,36 @@ class GooFile:
         return np.array([layer.lit_pixels for layer in self.layers]) * width * height
 
     def preview(self, name: str) -> NDArray[Any]:
-        """Red, green and blue of a preview, 0 to 1."""
+        """Return red, green and blue of a preview, 0 to 1."""
         words = np.frombuffer(self.header[name], ">u2").reshape(PREVIEWS[name], -1)
         return np.stack([(words >> 11) / 31, (words >> 5 & 63) / 63, (words & 31) / 31], axis=-1)
 
 
 def read_goo(path: str | Path) -> GooFile:
-    """Read and check a whole file."""
+    """Read and check a file."""
     content = Path(path).read_bytes()
-    header, place = fields_of(content, 0, HEADER)
-    check_header(header, place)
+    header, offset = fields_of(content, 0, HEADER)
+    check_header(header, offset)
     layers = []
     for index in range(header["total_layers"]):
-        layer, place = layer_at(content, place, header, index)
+        layer, offset = layer_at(content, offset, header, index)
         layers.append(layer)
-    need(content[place:] == ENDING, f"after the last layer stand {content[place:][:16].hex()}, not the ending string")
+    need(
+        content[offset:] == ENDING,
+        f"the last layer is followed by {content[offset:][:16].hex()}, not by the ending string",
+    )
     stack = GooFile(header, layers)
     check_order(stack)
     return stack
 
 
-def fields_of(content: bytes, place: int, table: list[tuple[str, str]]) -> tuple[dict[str, Any], int]:
+def fields_of(content: bytes, offset: int, table: list[tuple[str, str]]) -> tuple[dict[str, Any], int]:
     layout = struct.Struct(">" + "".join(code for _, code in table))
-    need(len(content) >= place + layout.size, f"the file ends at byte {len(content)}, within a table at {place}")
-    found = dict(zip((name for name, _ in table), layout.unpack_from(content, place), strict=True))
-    for name, value in found.items():
+    need(len(content) >= offset + layout.size, f"the file ends at byte {len(content)}, within a table at {offset}")
+    fields = dict(zip((name for name, _ in table), layout.unpack_from(content, offset), strict=True))
+    for name, value in fields.items():
         check_value(name, value)
-    return found, place + layout.size
+    return fields, offset + layout.size
 
 
 def check_value(name: str, value: Any) -> None:
@@ -160,116 +163,113 @@ def check_value(name: str, value: Any) -> None:
         need(value > 0, f"{name} is {value}, not positive")
     if isinstance(value, float):
         need(math.isfinite(value) and value >= 0, f"{name} is {value}")
-    if name in TEXTS:
-        check_text(name, value)
+    if name in STRINGS:
+        check_string(name, value)
 
 
-def check_text(name: str, value: bytes) -> None:
-    """Text ends with a zero byte, as the readers in C of a printer need it, and only zeros follow."""
-    words, zero, rest = value.partition(b"\0")
-    need(bool(zero) and not any(rest), f"{name} is not ended by zeros: {value!r}")
-    need(words.decode("utf-8", "replace").isprintable() and words.isascii(), f"{name} is not plain text: {words!r}")
+def check_string(name: str, value: bytes) -> None:
+    """Check that a string ends with a zero byte, as C code expects, and that only zeros follow."""
+    string, zero, rest = value.partition(b"\0")
+    need(bool(zero) and not any(rest), f"{name} is not terminated by zeros: {value!r}")
+    need(string.decode("utf-8", "replace").isprintable() and string.isascii(), f"{name} is not text: {string!r}")
 
 
-def check_header(head: dict[str, Any], size: int) -> None:
-    need(head["version"] == b"V3.0", f"version {head['version']!r}")
-    need(head["magic"] == MAGIC, f"magic tag {head['magic'].hex()}")
+def check_header(header: dict[str, Any], size: int) -> None:
+    need(header["version"] == b"V3.0", f"version is {header['version']!r}")
+    need(header["magic"] == MAGIC, f"magic is {header['magic'].hex()}")
     need(
-        head["layers_begin_at"] == size == 195477,
-        f"layers begin at {head['layers_begin_at']}, not at {size}",
+        header["layers_begin_at"] == size == 195477,
+        f"layers begin at {header['layers_begin_at']}, not at {size}",
     )
-    time = head["file_time"].rstrip(b"\0").decode()
+    time = header["file_time"].rstrip(b"\0").decode()
     need(not time or bool(re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", time)), f"file_time is {time!r}")
-    need(head["total_layers"] * head["layer_thickness_mm"] <= head["z_size_mm"] * (1 + 1e-6), "higher than the printer")
+    need(
+        header["total_layers"] * header["layer_thickness_mm"] <= header["z_size_mm"] * (1 + 1e-6),
+        "higher than the printer",
+    )
     for kind in ("bottom_", ""):
-        check_motion(kind or "common ", {name: head[kind + name] for name in OF_EACH_KIND})
+        check_motion(kind or "common ", {name: header[kind + name] for name in REPEATED})
 
 
 def check_motion(which: str, motion: dict[str, Any]) -> None:
-    """A motion has a speed, and the platform comes back to where it was."""
+    """Check that each motion has a speed, and that the plate returns to its position."""
     for name in ("lift", "second_lift", "retract", "second_retract"):
         need(motion[f"{name}_mm"] == 0 or motion[f"{name}_mm_per_min"] > 0, f"{which}{name} has no speed")
-    up, down = (motion[f"{way}_mm"] + motion[f"second_{way}_mm"] for way in ("lift", "retract"))
+    up, down = (motion[f"{name}_mm"] + motion[f"second_{name}_mm"] for name in ("lift", "retract"))
     need(math.isclose(up, down, rel_tol=1e-6), f"{which}lifts {up} mm and retracts {down} mm")
 
 
-def layer_at(content: bytes, place: int, head: dict[str, Any], index: int) -> tuple[GooLayer, int]:
-    found, place = fields_of(content, place, LAYER)
-    check_motion(f"layer {index}: ", found)
-    data = content[place : place + found["data_size"]]
-    need(
-        len(data) == found["data_size"] >= 2,
-        f"layer {index} has {len(data)} of {found['data_size']} bytes",
-    )
-    place += len(data)
-    need(content[place : place + 2] == DELIMITER, f"layer {index} is not ended by its delimiter")
+def layer_at(content: bytes, offset: int, header: dict[str, Any], index: int) -> tuple[GooLayer, int]:
+    fields, offset = fields_of(content, offset, LAYER)
+    check_motion(f"layer {index}: ", fields)
+    data = content[offset : offset + fields["data_size"]]
+    need(len(data) == fields["data_size"] >= 2, f"layer {index} has {len(data)} of {fields['data_size']} bytes")
+    offset += len(data)
+    need(content[offset : offset + 2] == DELIMITER, f"layer {index} does not end with the delimiter")
     need(data[0] == 0x55, f"layer {index} begins with {data[0]:#04x}")
-    need(data[-1] == 0xFF & ~sum(data[1:-1]), f"layer {index} has checksum {data[-1]:#04x}, its bytes another")
-    top = 0xFF if head["grey_scale_level"] else 0xF
-    return GooLayer(found, data[1:-1], (head["y_resolution"], head["x_resolution"]), top), place + 2
+    need(data[-1] == 0xFF & ~sum(data[1:-1]), f"layer {index} does not have the checksum {data[-1]:#04x}")
+    top = 0xFF if header["grey_scale_level"] else 0xF
+    return GooLayer(fields, data[1:-1], (header["y_resolution"], header["x_resolution"]), top), offset + 2
 
 
 @lru_cache(maxsize=8)
 def decoded(data: bytes, pixels: int, top: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Greys and lengths of the runs of a layer; they must state every pixel once."""
+    """Return grey levels and lengths of the runs of a layer, which must cover every pixel once."""
     greys: list[int] = []
     lengths: list[int] = []
-    place = 0
-    while place < len(data):
+    offset = 0
+    while offset < len(data):
         try:
-            grey, length, place = chunk(data, place, greys[-1] if greys else None)
+            grey, length, offset = chunk(data, offset, greys[-1] if greys else None)
         except IndexError:
-            raise RuleError(f"the chunk at byte {place} ends after the data") from None
-        need(length > 0, f"the chunk before byte {place} has no length")
-        need(0 <= grey <= top, f"grey {grey} before byte {place}")
+            raise RuleError(f"the chunk at byte {offset} ends after the data") from None
+        need(length > 0, f"the chunk that ends at byte {offset} has no length")
+        need(0 <= grey <= top, f"the chunk that ends at byte {offset} has the grey level {grey}")
         greys.append(grey)
         lengths.append(length)
-    need(sum(lengths) == pixels, f"the runs hold {sum(lengths)} pixels of {pixels}")
+    need(sum(lengths) == pixels, f"the runs cover {sum(lengths)} of {pixels} pixels")
     return np.array(greys, np.uint8), np.array(lengths, np.int64)
 
 
-def chunk(data: bytes, place: int, before: int | None) -> tuple[int, int, int]:
-    """Grey and length of the chunk at `place`, and where the next begins."""
-    head = data[place]
-    kind, way, low = head >> 6, head >> 4 & 3, head & 15
-    place += 1
+def chunk(data: bytes, offset: int, before: int | None) -> tuple[int, int, int]:
+    """Return grey level and length of the chunk at `offset`, and the start of the next one."""
+    head = data[offset]
+    kind, flags, low = head >> 6, head >> 4 & 3, head & 15
+    offset += 1
     if kind == 2:
         if before is None:
-            raise RuleError("a difference without a pixel before it")
-        grey = before - low if way & 2 else before + low
-        return (grey, data[place], place + 1) if way & 1 else (grey, 1, place)
+            raise RuleError("a difference without a preceding pixel")
+        grey = before - low if flags & 2 else before + low
+        return (grey, data[offset], offset + 1) if flags & 1 else (grey, 1, offset)
     grey = 0xFF if kind == 3 else 0
     if kind == 1:
-        grey = data[place]
-        place += 1
-        need(0 < grey < 0xFF, f"a chunk of grey is {grey:#04x}")
+        grey = data[offset]
+        offset += 1
+        need(0 < grey < 0xFF, f"a chunk of grey has the level {grey:#04x}")
     length = 0
-    for _ in range(way):
-        length = length << 8 | data[place]
-        place += 1
-    return grey, length << 4 | low, place
+    for _ in range(flags):
+        length = length << 8 | data[offset]
+        offset += 1
+    return grey, length << 4 | low, offset
 
 
 def check_order(stack: GooFile) -> None:
-    """Heights ascend, and where the header rules (no advance mode), each layer repeats what it states."""
-    head, heights = stack.header, [layer.fields["position_mm"] for layer in stack.layers]
-    need(heights == sorted(heights), "layers do not ascend")
-    need(heights[-1] <= head["z_size_mm"] * (1 + 1e-6), f"a layer at {heights[-1]} mm, above the printer")
-    for index, layer in enumerate(stack.layers if not head["advance_mode"] else []):
-        due = head["layer_thickness_mm"] * (index + 1)
-        need(math.isclose(heights[index], due, rel_tol=1e-5), f"layer {index} at {heights[index]} mm, not {due}")
-        repeats_header(layer.fields, head, index)
+    """Check that heights ascend and, unless the advance mode is on, that the layers repeat the values of the header."""
+    header, heights = stack.header, [layer.fields["position_mm"] for layer in stack.layers]
+    need(heights == sorted(heights), "the layers are not in ascending order")
+    need(heights[-1] <= header["z_size_mm"] * (1 + 1e-6), f"a layer is at {heights[-1]} mm, above the printer")
+    for index, layer in enumerate(stack.layers if not header["advance_mode"] else []):
+        height = header["layer_thickness_mm"] * (index + 1)
+        need(math.isclose(heights[index], height, rel_tol=1e-5), f"layer {index} is at {heights[index]}, not {height}")
+        check_repeated(layer.fields, header, index)
 
 
-def repeats_header(layer: dict[str, Any], head: dict[str, Any], index: int) -> None:
-    if head["bottom_layers"] <= index < head["bottom_layers"] + head["transition_layers"]:
-        ends = sorted([head["bottom_exposure_s"], head["exposure_s"]])
+def check_repeated(layer: dict[str, Any], header: dict[str, Any], index: int) -> None:
+    if header["bottom_layers"] <= index < header["bottom_layers"] + header["transition_layers"]:
+        ends = sorted([header["bottom_exposure_s"], header["exposure_s"]])
         need(ends[0] <= layer["exposure_s"] <= ends[1], f"transition layer {index} has {layer['exposure_s']} s")
         return
-    kind = "bottom_" if index < head["bottom_layers"] else ""
-    for name in OF_EACH_KIND:
-        need(
-            layer[name] == head[kind + name],
-            f"layer {index}: {name} {layer[name]}, header {head[kind + name]}",
-        )
-    need(layer["turn_off_s"] == head["turn_off_s"], f"layer {index}: turn_off_s is {layer['turn_off_s']}")
+    kind = "bottom_" if index < header["bottom_layers"] else ""
+    for name in REPEATED:
+        need(layer[name] == header[kind + name], f"layer {index}: {name} {layer[name]}, header {header[kind + name]}")
+    need(layer["turn_off_s"] == header["turn_off_s"], f"layer {index}: turn_off_s is {layer['turn_off_s']}")

@@ -1,4 +1,4 @@
-"""Designs to be made, and the oval found by bisection, from which solen's own solution takes nothing."""
+"""Designs of parts, and the oval of the lens by bisection, independent of the solution in solen."""
 
 from typing import Any
 
@@ -15,33 +15,33 @@ SEATED = {"fabricate.pockets": True, "fabricate.slots": ["receivers", "emitter"]
 
 
 def design(**values: Any) -> Design:
-    """The shipped 860 nm design with other values, given by keys in which ``__`` stands for the dot."""
+    """Return the shipped 860 nm design with values replaced; in their keys, ``__`` stands for a dot."""
     return with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
 
 
 def seated(**values: Any) -> Design:
-    """The same with pockets and slots."""
+    """Return such a design with pockets and slots."""
     return with_values(design(**values), SEATED)
 
 
-def body_of(chosen: Design) -> Body:
-    return Sensor.of(chosen).body()
+def body_of(sensor_design: Design) -> Body:
+    return Sensor.of(sensor_design).body()
 
 
-def part_of(chosen: Design) -> Part:
-    return sensor_part(chosen, body_of(chosen))
+def part_of(sensor_design: Design) -> Part:
+    return sensor_part(sensor_design, body_of(sensor_design))
 
 
 def oval_z(x: NDArray[np.float64], n: float = 1.44) -> NDArray[np.float64]:
-    """Profile of the lens at any x within its half width."""
+    """Return the profile of the lens at any x within its half width."""
     low, high = np.zeros_like(x), np.full_like(x, 3.0)
     for _ in range(60):
         z = (low + high) / 2
-        rest = np.hypot(x, z + S) + n * np.hypot(x, F - z) - (S + n * F)
-        low, high = np.where(rest > 0, z, low), np.where(rest > 0, high, z)
+        difference = np.hypot(x, z + S) + n * np.hypot(x, F - z) - (S + n * F)
+        low, high = np.where(difference > 0, z, low), np.where(difference > 0, high, z)
     return (low + high) / 2
 
 
-def off_the_oval_mm(points: NDArray[np.float64], n: float = 1.44) -> float:
-    """Largest distance of points (N, 2) from the oval: that along z is never less."""
+def oval_distance_mm(points: NDArray[np.float64], n: float = 1.44) -> float:
+    """Return the largest distance of points (N, 2) from the oval along z, an upper bound of that along the normal."""
     return float(np.abs(points[:, 1] - oval_z(points[:, 0], n)).max())

@@ -1,4 +1,4 @@
-"""Areas and lengths of exact outlines against closed forms, and against a quadrature that shares nothing with them."""
+"""Areas and lengths of exact outlines agree with closed forms and with an independent quadrature."""
 
 import math
 
@@ -13,7 +13,7 @@ from solen.plane import Rigid
 from tests.fabricate.solid_support import HALF, body_of, design, oval_z
 
 
-def test_a_ring_far_from_the_origin() -> None:
+def test_area_and_perimeter_of_an_annulus_far_from_the_origin() -> None:
     center = (1e4, -2e4)
     outer, inner = Arc.circle(center, 5.0), Arc.circle(center, 3.0).reversed()
     outlines = ([Face("outer", outer)], [Face("inner", inner)])
@@ -21,18 +21,20 @@ def test_a_ring_far_from_the_origin() -> None:
     assert perimeter_mm(outlines) == pytest.approx(math.tau * 8.0, rel=1e-12)
 
 
-def test_a_parabola_over_its_chord_is_two_thirds_of_the_box() -> None:
-    """Archimedes: x from −3 to 3 under 1 − x²/9 is 2/3 · 6 · 1."""
-    bow = Parabola((0.0, 1.0), (-1.0, 0.0), -1.0 / 9.0, -3.0, 3.0)
-    assert bow.start == pytest.approx((3.0, 0.0))
-    assert area_mm2([[Face("bow", bow), Face("chord", Segment(bow.end, bow.start))]]) == pytest.approx(4.0, rel=1e-13)
+def test_a_parabolic_segment_is_two_thirds_of_its_box() -> None:
+    """Archimedes: the area under 1 − x²/9 from −3 to 3 is 2/3 · 6 · 1."""
+    arch = Parabola((0.0, 1.0), (-1.0, 0.0), -1.0 / 9.0, -3.0, 3.0)
+    assert arch.start == pytest.approx((3.0, 0.0))
+    assert area_mm2([[Face("arch", arch), Face("chord", Segment(arch.end, arch.start))]]) == pytest.approx(
+        4.0, rel=1e-13
+    )
 
 
-def test_a_turned_outline_keeps_its_area() -> None:
+def test_the_area_of_a_spline_does_not_depend_on_its_pose() -> None:
     outline = Spline.through([(0.0, 0.0), (4.0, 0.0), (5.0, 3.0), (1.0, 2.0)], closed=True)
     moved = outline.moved(Rigid.about((30.0, 4.0), 77.0))
-    area = area_mm2([[Face("one", outline)]])
-    assert area_mm2([[Face("one", moved)]]) == pytest.approx(area, rel=1e-13)
+    area = area_mm2([[Face("spline", outline)]])
+    assert area_mm2([[Face("spline", moved)]]) == pytest.approx(area, rel=1e-13)
     points = outline.points(np.linspace(0.0, 1.0, 400_001))
     x, z = points.T
     shoelace = float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1])) / 2
@@ -40,8 +42,8 @@ def test_a_turned_outline_keeps_its_area() -> None:
 
 
 @pytest.mark.parametrize("index", [1.44, 1.54])
-def test_the_sensor_is_lens_stem_and_arms(index: float) -> None:
-    """Lens: the box over its vertex less the oval's integral; stem: 2 ∫ (2 + c u²) du; arms: two polygons."""
+def test_the_area_of_a_sensor_is_that_of_lens_stem_and_arms(index: float) -> None:
+    """Lens: a box minus the integral of the oval; stem: 2 ∫ (2 + c u²) du; arms: two polygons."""
     body = design().body
     depth = float(oval_z(np.array([HALF]), index)[0])
     lens = 2 * HALF * depth - quad(lambda x: float(oval_z(np.array([x]), index)[0]), -HALF, HALF, epsabs=1e-11)[0]
@@ -53,5 +55,5 @@ def test_the_sensor_is_lens_stem_and_arms(index: float) -> None:
     crotch = (0.0, inner[1] - inner[0] / math.tan(angle))
     corners = [(0.0, 0.0), (fork, 0.0), outer, inner, crotch]
     arm = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)) / 2
-    found = area_mm2([body_of(design(material__index=index)).faces])
-    assert found == pytest.approx(lens + stem + 2 * arm, abs=1e-9)
+    area = area_mm2([body_of(design(material__index=index)).faces])
+    assert area == pytest.approx(lens + stem + 2 * arm, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Lines, arcs and B-splines that stand for curves: where they are, how they join, and what is exact."""
+"""Lines, arcs and B-splines that represent curves: their position, joints and accuracy."""
 
 import math
 from itertools import pairwise
@@ -15,15 +15,15 @@ from solen.fabricate import Bspline, primitives
 from solen.fabricate.bspline import FIT_TOLERANCE_MM, cubics, quadratic
 from solen.plane import cross, minus, unit
 from tests.curve.test_every_curve import LEAVES, distance_to
-from tests.fabricate.solid_support import body_of, design, off_the_oval_mm
+from tests.fabricate.solid_support import body_of, design, oval_distance_mm
 
 every_curve = pytest.mark.parametrize("leaf", LEAVES, ids=lambda leaf: leaf.__name__)
 few = settings(max_examples=15, deadline=None)
 ROUNDING_MM = 1e-12
 
 
-def placed(piece: Segment | Arc | Bspline, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points of a primitive; those of a B-spline by scipy from its knots and points."""
+def points_of(piece: Segment | Arc | Bspline, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points of a primitive; those of a B-spline are evaluated by scipy."""
     if not isinstance(piece, Bspline):
         return piece.points(u)
     return np.asarray(BSpline(piece.knot_vector, np.array(piece.points), piece.degree)(u))
@@ -41,25 +41,25 @@ def test_primitives_lie_on_their_curve_and_join(leaf: type[Curve], data: st.Data
         assert before.end == after.start
     exact = leaf in (Segment, Arc, Parabola) or issubclass(leaf, CubicChain)
     for piece in pieces:
-        for x, z in placed(piece, np.linspace(0.0, 1.0, 8)).tolist():
-            # 1e-8 is what the plain search for the distance is good for
+        for x, z in points_of(piece, np.linspace(0.0, 1.0, 8)).tolist():
+            # the distance itself is accurate to 1e-8
             assert distance_to(curve, (x, z)) < (1e-8 if exact else FIT_TOLERANCE_MM + 1e-8)
 
 
 @every_curve
 @few
 @given(st.data())
-def test_tangents_at_the_ends_are_those_of_the_curve(leaf: type[Curve], data: st.DataObject) -> None:
+def test_tangents_at_the_ends_agree_with_the_curve(leaf: type[Curve], data: st.DataObject) -> None:
     curve = data.draw(LEAVES[leaf])
     pieces = primitives(curve)
     for end, piece in ((0.0, pieces[0]), (1.0, pieces[-1])):
         if isinstance(piece, Bspline):
             i = 0 if end == 0.0 else -2
-            across = cross(
+            sine = cross(
                 unit(minus(piece.points[i + 1], piece.points[i])),
                 unit(tuple(curve.velocities(np.array([end]))[0].tolist())),
             )
-            assert abs(across) < 1e-9
+            assert abs(sine) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_tangents_at_the_ends_are_those_of_the_curve(leaf: type[Curve], data: st
 )
 @few
 @given(st.data())
-def test_cubic_pieces_are_the_primitives(leaf: type[Curve], data: st.DataObject) -> None:
+def test_cubic_pieces_lie_on_their_curve_and_join(leaf: type[Curve], data: st.DataObject) -> None:
     curve = data.draw(LEAVES[leaf])
     ends = cubics(curve)
     assert (ends[0][0], ends[-1][3]) == (curve.start, curve.end)
@@ -79,24 +79,24 @@ def test_cubic_pieces_are_the_primitives(leaf: type[Curve], data: st.DataObject)
 
 
 @pytest.mark.parametrize("index", [1.44, 1.49, 1.54])
-def test_the_lens_is_within_10_nm_of_the_oval(index: float) -> None:
+def test_the_b_spline_of_a_lens_is_within_10_nm(index: float) -> None:
     (spline,) = primitives(body_of(design(material__index=index)).face("lens").curve)
     assert isinstance(spline, Bspline)
     assert spline.degree == 3
     assert set(spline.multiplicities[1:-1]) == {1}, "curvature is continuous"
-    assert off_the_oval_mm(placed(spline, np.linspace(0.0, 1.0, 20_001)), index) < 1e-5
+    assert oval_distance_mm(points_of(spline, np.linspace(0.0, 1.0, 20_001)), index) < 1e-5
 
 
-def test_a_parabola_is_one_piece_of_degree_2() -> None:
+def test_a_parabola_is_a_b_spline_of_degree_2() -> None:
     curve = Parabola((1.0, 2.0), (0.0, 1.0), 0.004, 0.0, 16.2)
     (spline,) = primitives(curve)
     assert isinstance(spline, Bspline)
     assert (spline.degree, spline.points) == (2, quadratic(curve))
     u = np.linspace(0.0, 1.0, 101)
-    assert np.abs(placed(spline, u) - curve.points(u)).max() < 1e-14
+    assert np.abs(points_of(spline, u) - curve.points(u)).max() < 1e-14
 
 
-def test_a_smooth_chain_is_one_spline_whose_derivative_goes_on() -> None:
+def test_a_smooth_chain_is_one_b_spline_with_a_continuous_derivative() -> None:
     chain = Spline.through([(0.0, 0.0), (1.0, 0.5), (3.0, 0.2), (3.5, 2.0)])
     (spline,) = primitives(chain)
     assert isinstance(spline, Bspline)
@@ -105,17 +105,16 @@ def test_a_smooth_chain_is_one_spline_whose_derivative_goes_on() -> None:
     for knot in spline.knots[1:-1]:
         before, after = derivative(knot - 1e-12), derivative(knot + 1e-12)
         assert np.abs(before - after).max() < 1e-9
-    (natural,) = (primitive for primitive in primitives(chain))
-    assert placed(natural, np.array(spline.knots)) == pytest.approx(chain.points(np.linspace(0, 1, 4)), abs=1e-13)
+    assert points_of(spline, np.array(spline.knots)) == pytest.approx(chain.points(np.linspace(0, 1, 4)), abs=1e-13)
 
 
-def test_a_corner_in_a_chain_divides_it() -> None:
+def test_a_corner_divides_a_chain() -> None:
     chain = Spline(((0, 0), (1, 0), (2, 0.5), (3, 0), (3, 1), (3.5, 2), (3, 3)))
     first, second = primitives(chain)
     assert first.end == second.start == (3, 0)
 
 
-def test_a_closed_chain_ends_where_it_begins() -> None:
+def test_a_closed_chain_is_a_closed_b_spline() -> None:
     chain = Spline.through([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)], closed=True)
     (spline,) = primitives(chain)
     assert spline.start == spline.end

@@ -1,4 +1,4 @@
-"""Coupons as solids, jobs and plans: closed, of the layout's volume, opened again by others; the command's refusals."""
+"""Coupons as solids, jobs and plans agree with their layout; `solen print coupons` and its errors."""
 
 import importlib.util
 import io
@@ -28,56 +28,56 @@ every_coupon = pytest.mark.parametrize("name", COUPONS)
 Run = Callable[..., Any]
 
 
-def area_mm2(one: Feature) -> float:
-    """From the layout alone."""
-    if one.round:
-        return math.pi * one.diameter_mm**2 / 4
-    return one.width_mm * one.depth_mm - one.bevel_mm**2 / 2
+def area_mm2(feature: Feature) -> float:
+    if feature.round:
+        return math.pi * feature.diameter_mm**2 / 4
+    return feature.width_mm * feature.depth_mm - feature.bevel_mm**2 / 2
 
 
 def volume_mm3(coupon: Coupon, stage: str) -> float:
-    features = [one for one in coupon.features if one.stage == stage]
-    found = sum((-1 if one.kind == "hole" else 1) * area_mm2(one) * one.height_mm for one in features)
+    """Return the volume of a stage according to the layout."""
+    features = [feature for feature in coupon.features if feature.stage == stage]
+    volume = sum((-1 if each.kind == "hole" else 1) * area_mm2(each) * each.height_mm for each in features)
     if coupon.slab is not None:
         slab = coupon.slab
-        found += (slab.width_mm * slab.depth_mm - slab.bevel_mm**2 / 2) * slab.thickness_mm
-    return found
+        volume += (slab.width_mm * slab.depth_mm - slab.bevel_mm**2 / 2) * slab.thickness_mm
+    return volume
 
 
 @every_coupon
-def test_the_solid_is_the_layouts(name: str) -> None:
+def test_solids_have_the_volume_of_the_layout(name: str) -> None:
     coupon = layout(name)
     for stage, part in coupon_parts(coupon).items():
         assert part.volume_mm3 == pytest.approx(volume_mm3(coupon, stage), rel=1e-9)
         mesh = mesh_of(part, TOLERANCE_MM)
-        found = trimesh.load_mesh(io.BytesIO(as_stl(mesh, LABEL)), file_type="stl")
-        assert found.is_watertight
-        assert found.is_volume
-        assert abs(found.volume - part.volume_mm3) <= part.wall_mm2 * TOLERANCE_MM
-        pieces = (
-            1 if coupon.slab is not None else sum(one.stage == stage and not one.is_stacked for one in coupon.features)
-        )
-        assert found.body_count == pieces
+        solid = trimesh.load_mesh(io.BytesIO(as_stl(mesh, LABEL)), file_type="stl")
+        assert solid.is_watertight
+        assert solid.is_volume
+        assert abs(solid.volume - part.volume_mm3) <= part.wall_mm2 * TOLERANCE_MM
+        separate = [feature for feature in coupon.features if feature.stage == stage and not feature.is_stacked]
+        assert solid.body_count == (len(separate) if coupon.slab is None else 1)
 
 
 @pytest.mark.parametrize("name", ["group-a", "holes"])
-def test_the_solid_stands_where_the_layout_says(name: str) -> None:
-    """By cuts through the mesh: whether material is at each feature's middle, and right beside it."""
+def test_features_are_at_their_positions(name: str) -> None:
+    """A section of the mesh has material at the centre of each feature and none next to it; for a hole, vice versa."""
     coupon = layout(name)
     mesh = mesh_of(coupon_parts(coupon)[""], TOLERANCE_MM)
     solid = trimesh.Trimesh(mesh.vertices, mesh.triangles)
     assert coupon.slab is not None
-    for one in coupon.features:
-        cut = sliced(solid, one.from_mm + 0.5 * one.height_mm)
-        inside, beside = (cut(one.x_mm, one.y_mm + up) for up in (0.0, 0.5 * one.depth_mm + 0.02))
-        assert (inside, beside) == ((False, True) if one.kind == "hole" else (True, False)), one.name
+    for feature in coupon.features:
+        contains = section(solid, feature.from_mm + 0.5 * feature.height_mm)
+        is_hole = feature.kind == "hole"
+        assert contains(feature.x_mm, feature.y_mm) != is_hole, feature.name
+        assert contains(feature.x_mm, feature.y_mm + 0.5 * feature.depth_mm + 0.02) == is_hole, feature.name
     x, y = 0.5 * coupon.slab.width_mm - 0.1, 0.5 * coupon.slab.depth_mm - 0.1
-    cut = sliced(solid, 0.4)
-    assert [cut(x, y), cut(x, -y), cut(-x, y), cut(-x, -y)] == [False, True, True, True], "right and back is bevelled"
+    contains = section(solid, 0.4)
+    corners = [contains(x, y), contains(x, -y), contains(-x, y), contains(-x, -y)]
+    assert corners == [False, True, True, True], "the rear right corner is bevelled"
 
 
-def sliced(solid: trimesh.Trimesh, height_mm: float) -> Callable[[float, float], bool]:
-    """Whether a place lies in the cut at a height, by the number of outlines around it."""
+def section(solid: trimesh.Trimesh, height_mm: float) -> Callable[[float, float], bool]:
+    """Return a function that is true at points of a section, according to the number of outlines around them."""
     import shapely
 
     rings = [shapely.Polygon(ring[:, :2]) for ring in solid.section([0, 0, 1], [0, 0, height_mm]).discrete]
@@ -86,7 +86,7 @@ def sliced(solid: trimesh.Trimesh, height_mm: float) -> Callable[[float, float],
 
 @pytest.mark.skipif(not HAS_KERNEL, reason="needs Open CASCADE")
 @pytest.mark.parametrize("name", ["group-b", "holes", "cubes"])
-def test_a_step_file_has_the_volume(name: str, tmp_path: Path) -> None:
+def test_step_files_have_the_volume(name: str, tmp_path: Path) -> None:
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
     from OCP.STEPControl import STEPControl_Reader
@@ -96,55 +96,56 @@ def test_a_step_file_has_the_volume(name: str, tmp_path: Path) -> None:
     reader = STEPControl_Reader()
     reader.ReadFile(str(tmp_path / "part.step"))
     reader.TransferRoots()
-    found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(reader.OneShape(), found)
-    assert found.Mass() == pytest.approx(part.volume_mm3, rel=1e-6)
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(reader.OneShape(), properties)
+    assert properties.Mass() == pytest.approx(part.volume_mm3, rel=1e-6)
 
 
 @every_coupon
-def test_a_job_holds_the_layout(name: str, tmp_path: Path) -> None:
-    coupon, choices = layout(name), CouponOptions()
+def test_a_job_contains_the_layout(name: str, tmp_path: Path) -> None:
+    coupon, options = layout(name), CouponOptions()
     path = tmp_path / "job.json"
-    path.write_bytes(as_job(coupon, choices, {}))
-    found, job = read_job(path)
-    assert found == coupon
+    path.write_bytes(as_job(coupon, options, {}))
+    job_coupon, job = read_job(path)
+    assert job_coupon == coupon
     assert job["print"]["energy_mJ_per_cm2"] == 26.0
     assert job["print"]["burn_in_energy_mJ_per_cm2"] == 39.0
     if name == "group-a":
-        assert job["stages"][0]["layers"] == 152, "3.8 mm of 25 µm"
+        assert job["stages"][0]["layers"] == 152, "3.8 mm in layers of 25 µm"
     if name == "cure-discs":
-        assert [one["energy_mJ_per_cm2"] for one in job["stages"][0]["exposures"]][:3] == [13.0, 19.5, 26.0]
+        assert [exposure["energy_mJ_per_cm2"] for exposure in job["stages"][0]["exposures"]][:3] == [13.0, 19.5, 26.0]
 
 
 @every_coupon
-def test_a_plan_is_at_true_scale(name: str) -> None:
+def test_plans_are_to_scale(name: str) -> None:
     coupon = layout(name)
-    root = ET.fromstring(as_plan(coupon, LABEL))  # noqa: S314  it is our own
+    root = ET.fromstring(as_plan(coupon, LABEL))  # noqa: S314 - written by the test
     space = "{http://www.w3.org/2000/svg}"
-    _, _, wide, high = (float(number) for number in root.attrib["viewBox"].split())
-    assert root.attrib["width"] == f"{wide:g}mm"
-    assert root.attrib["height"] == f"{high:g}mm"
-    circles = {one.attrib["id"]: one for one in root.iter(f"{space}circle")}
-    for one in coupon.features:
-        if one.round:
-            assert 2 * float(circles[one.name].attrib["r"]) == pytest.approx(one.diameter_mm)
-            assert float(circles[one.name].attrib["cx"]) == pytest.approx(one.x_mm, abs=1e-8)
-            assert float(circles[one.name].attrib["cy"]) == pytest.approx(-one.y_mm, abs=1e-8)
+    _, _, width, height = (float(number) for number in root.attrib["viewBox"].split())
+    assert root.attrib["width"] == f"{width:g}mm"
+    assert root.attrib["height"] == f"{height:g}mm"
+    circles = {circle.attrib["id"]: circle.attrib for circle in root.iter(f"{space}circle")}
+    for feature in coupon.features:
+        if feature.round:
+            circle = circles[feature.name]
+            assert 2 * float(circle["r"]) == pytest.approx(feature.diameter_mm)
+            assert float(circle["cx"]) == pytest.approx(feature.x_mm, abs=1e-8)
+            assert float(circle["cy"]) == pytest.approx(-feature.y_mm, abs=1e-8)
 
 
-def test_what_a_printer_cannot_make_is_reported() -> None:
-    choices = CouponOptions(layer_um=50.0, pitch_um=62.0)
-    told = " ".join(cautions(layout("group-c", choices), choices))
-    assert "steps of 25 µm are below the layer thickness of 50 µm" in told
-    told = " ".join(cautions(layout("group-b", choices), choices))
-    assert "g-0.06, g-0.05, g-0.04, g-0.03, g-0.02: gaps below a pixel of 62 µm" in told
-    assert cautions(layout("group-c"), CouponOptions()) == [], "25 µm divides every height"
-    thick = CouponOptions(layer_um=30.0)
-    assert "a multiple of the layer thickness of 30 µm" in cautions(layout("group-a", thick), thick)[0]
+def test_warns_of_features_below_the_resolution_of_the_printer() -> None:
+    options = CouponOptions(layer_um=50.0, pitch_um=62.0)
+    warnings = " ".join(cautions(layout("group-c", options), options))
+    assert "steps of 25 µm are lower than a layer of 50 µm" in warnings
+    warnings = " ".join(cautions(layout("group-b", options), options))
+    assert re.search("g-0.06, g-0.05, g-0.04, g-0.03, g-0.02.*62 µm", warnings)
+    assert cautions(layout("group-c"), CouponOptions()) == [], "all heights are multiples of 25 µm"
+    options = CouponOptions(layer_um=30.0)
+    assert "not multiples of the layer thickness, 30 µm" in cautions(layout("group-a", options), options)[0]
 
 
 @pytest.mark.parametrize(
-    ("change", "part"),
+    ("change", "text"),
     [
         (lambda data: data.pop("name"), "name; is missing"),
         (lambda data: data.update(colour="red"), "colour = 'red'; unknown name"),
@@ -155,19 +156,19 @@ def test_what_a_printer_cannot_make_is_reported() -> None:
         (lambda data: data["features"].append(3), "features[18] = 3"),
     ],
 )
-def test_a_damaged_job_is_refused_in_one_line(change: Callable[[Any], object], part: str) -> None:
+def test_refuses_a_damaged_job(change: Callable[[Any], object], text: str) -> None:
     data = json.loads(json.dumps(asdict(layout("group-a"))))
     change(data)
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as error:
         coupon_of(data, "job.json")
-    assert part in str(told.value)
-    assert "\n" not in str(told.value)
+    assert text in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"kind": "cure"}', '{"kind": "coupon-job", "schema": 9}', '{"a": NaN}']
 )
-def test_a_file_that_is_no_job_is_refused(text: str, tmp_path: Path) -> None:
+def test_refuses_a_file_that_is_not_a_job(text: str, tmp_path: Path) -> None:
     path = tmp_path / "job.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DataError):
@@ -175,7 +176,7 @@ def test_a_file_that_is_no_job_is_refused(text: str, tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def coupons(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> dict[str, Any]:
@@ -184,38 +185,38 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     return run
 
 
-def test_the_command_writes_what_it_tells(told: Run) -> None:
-    found = told("--out", "print", "--only", "holes,film-layer", "--pitch-um", "62", "--figure", "plans.svg")
-    assert [one["name"] for one in found["coupons"]] == ["holes", "film-layer"]
-    for path in found["files"].values():
+def test_the_command_writes_the_listed_files(coupons: Run) -> None:
+    result = coupons("--out", "print", "--only", "holes,film-layer", "--pitch-um", "62", "--figure", "plans.svg")
+    assert [coupon["name"] for coupon in result["coupons"]] == ["holes", "film-layer"]
+    for path in result["files"].values():
         assert Path(path).stat().st_size > 100
-    for one in found["coupons"]:
-        job = json.loads(Path(found["files"][f"{one['name']}.json"]).read_text(encoding="utf-8"))
-        assert job["sha256"] == one["sha256"]
+    for coupon in result["coupons"]:
+        job = json.loads(Path(result["files"][f"{coupon['name']}.json"]).read_text(encoding="utf-8"))
+        assert job["sha256"] == coupon["sha256"]
         assert job["choices"]["pitch_um"] == 62.0
     written = sorted(path.name for path in Path("print").iterdir())
     assert len(written) == 4 + 6
     assert "film-layer-base.stl" in written
     first = {path.name: path.read_bytes() for path in Path("print").iterdir()}
-    told("--out", "print", "--only", "holes,film-layer", "--pitch-um", "62")
-    assert first == {path.name: path.read_bytes() for path in Path("print").iterdir()}, "no date, no chance"
+    coupons("--out", "print", "--only", "holes,film-layer", "--pitch-um", "62")
+    assert first == {path.name: path.read_bytes() for path in Path("print").iterdir()}, "files contain no dates"
 
 
-def test_a_printer_gives_its_pixel(told: Run) -> None:
-    found = told("--out", "print", "--only", "group-b", "--printer", "asiga-max-uv")
-    assert found["options"]["pitch_um"] == 62.0
-    assert any("gaps below a pixel of 62 µm" in line for line in found["coupons"][0]["warnings"])
+def test_pixels_are_those_of_the_selected_printer(coupons: Run) -> None:
+    result = coupons("--out", "print", "--only", "group-b", "--printer", "asiga-max-uv")
+    assert result["options"]["pitch_um"] == 62.0
+    assert any("62 µm" in warning for warning in result["coupons"][0]["warnings"])
 
 
-def test_the_list_says_what_was_read_into_the_source(told: Run) -> None:
-    found = told("--list", "--hole-reading", "tenths")
-    assert [one["name"] for one in found["coupons"]] == list(COUPONS)
-    (holes,) = [one for one in found["coupons"] if one["name"] == "holes"]
+def test_the_list_contains_the_assumptions_about_the_publication(coupons: Run) -> None:
+    result = coupons("--list", "--hole-reading", "tenths")
+    assert [coupon["name"] for coupon in result["coupons"]] == list(COUPONS)
+    (holes,) = [coupon for coupon in result["coupons"] if coupon["name"] == "holes"]
     assert "2.10 mm" in holes["readings"][0]["taken"]
     assert not list(Path().iterdir())
 
 
-def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_printed_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(["print", "coupons", "--list"]) == 0
     assert "printed: " not in capfd.readouterr().err
     assert run_command(["print", "coupons", "--out", str(tmp_path / "p"), "--only", "z-reference"]) == 0
@@ -223,11 +224,11 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "part"),
+    ("arguments", "text"),
     [
         (["--out", "p", "--only", "group-x"], "--only = 'group-x'; must be one or more of group-a"),
         (["--out", "p", "--only", ""], "--only = ''"),
-        ([], "--out; is missing"),
+        ([], "--out; missing"),
         (["--out", "p", "--layer-um", "0"], "--layer-um = '0'"),
         (["--out", "p", "--pitch-um", "nan"], "--pitch-um = 'nan'"),
         (["--out", "p", "--spacing-mm", "0"], "--spacing-mm = '0'"),
@@ -247,9 +248,9 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
         (["--out", "p", "--only", "holes", "--figure", "p/holes.svg"], "is also another output of this command"),
     ],
 )
-def test_bad_input_ends_in_one_line_and_writes_nothing(
+def test_refuses_invalid_options_without_writing(
     arguments: list[str],
-    part: str,
+    text: str,
     capfd: pytest.CaptureFixture[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -257,7 +258,7 @@ def test_bad_input_ends_in_one_line_and_writes_nothing(
     monkeypatch.chdir(tmp_path)
     assert run_command(["print", "coupons", *arguments]) == 2
     printed = capfd.readouterr()
-    assert part in printed.err
+    assert text in printed.err
     assert printed.err.count("\n") == 1
     assert printed.out == ""
     assert not list(tmp_path.iterdir())

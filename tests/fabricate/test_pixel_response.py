@@ -1,7 +1,6 @@
-"""A measured response of one pixel in place of a Gaussian: dose, walls, files, and what is refused."""
+"""A measured pixel response instead of a Gaussian: doses, walls, files, calibration and errors."""
 
 import hashlib
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from solen.fabricate.process import (
     read_process,
     straight_edge_um,
 )
-from solen.fabricate.process.growth import growth_um, uneven_um
+from solen.fabricate.process.growth import growth_range_um, growth_um
 from solen.fabricate.process.side_print import Side
 from solen.fabricate.process.source import with_printer
 from tests.fabricate.direct_dose import dose_at
@@ -44,101 +43,100 @@ PITCH = 3.0
 HALO = {"halo_um": 40.0, "halo_per_depth": 0.1}
 
 
-def places(count: int) -> NDArray[np.float64]:
+def sample_positions(count: int) -> NDArray[np.float64]:
     return PITCH * np.asarray(np.arange(count) - count // 2, float)
 
 
 def gaussian_pixel(pixel: float = 27.0, sigma: float = 15.0, count: int = 61) -> NDArray[np.float64]:
-    """Samples of a square blurred by a Gaussian: what `sigma_um` stands for."""
-    x = places(count)
-    line = ndtr((x + pixel / 2) / sigma) - ndtr((x - pixel / 2) / sigma)
-    return np.asarray(np.outer(line, line))
+    """Return samples of a square blurred by a Gaussian, the response with `sigma_um`."""
+    x = sample_positions(count)
+    profile = ndtr((x + pixel / 2) / sigma) - ndtr((x - pixel / 2) / sigma)
+    return np.asarray(np.outer(profile, profile))
 
 
-def lopsided(count: int = 71) -> NDArray[np.float64]:
-    """A sharp peak with a tail towards +x."""
-    x, y = np.meshgrid(places(count), places(count))
+def asymmetric(count: int = 71) -> NDArray[np.float64]:
+    """Return samples of a narrow peak with a tail towards +x."""
+    x, y = np.meshgrid(sample_positions(count), sample_positions(count))
     tail = np.exp(-0.5 * (((x - 24.0) / 18.0) ** 2 + (y / 14.0) ** 2))
     return np.asarray(np.exp(-0.5 * (x**2 + y**2) / 12.0**2) + 0.35 * tail)
 
 
-def measured(light: NDArray[np.float64], **values: Any) -> Settings:
+def settings_with(light: NDArray[np.float64], **values: Any) -> Settings:
     table = {"light": light.tolist(), "pitch_um": PITCH} | values.pop("table", {})
     return settings(sigma_um=None, response=table, **values)
 
 
-def test_a_table_of_the_gaussian_prints_as_the_gaussian_does() -> None:
+def test_a_table_of_a_gaussian_prints_like_the_gaussian() -> None:
     target, rings = round_target(0.6), [ring(0.6)]
     for phase in ((0.0, 0.0), (0.3, 0.6)):
-        plain, table = (
-            FlatPrint.of(rings, target, one, 0.5, phase).offsets_um(230.0)
-            for one in (settings(**HALO), measured(gaussian_pixel(), **HALO))
+        gaussian_um, table_um = (
+            FlatPrint.of(rings, target, process, 0.5, phase).offsets_um(230.0)
+            for process in (settings(**HALO), settings_with(gaussian_pixel(), **HALO))
         )
-        assert np.allclose(table, plain, atol=0.02)  # µm
-    one = measured(gaussian_pixel())
-    assert one.blur_um == pytest.approx(15.0, abs=0.02)
-    assert one.edge_um == pytest.approx(settings().edge_um, abs=0.02)
-    # walls by the mean over directions: of the Gaussian's squares that is itself taken for a Gaussian
-    assert growth_um(one) == pytest.approx(growth_um(settings()), abs=0.15)
-    assert straight_edge_um(one, 20, 110.0) == pytest.approx(straight_edge_um(settings(), 20, 110.0), abs=0.15)
+        assert np.allclose(table_um, gaussian_um, atol=0.02)
+    process = settings_with(gaussian_pixel())
+    assert process.blur_um == pytest.approx(15.0, abs=0.02)
+    assert process.edge_um == pytest.approx(settings().edge_um, abs=0.02)
+    # for a Gaussian, the closed form of walls approximates the square of a pixel by a Gaussian
+    assert growth_um(process) == pytest.approx(growth_um(settings()), abs=0.15)
+    assert straight_edge_um(process, 20, 110.0) == pytest.approx(straight_edge_um(settings(), 20, 110.0), abs=0.15)
 
 
-@pytest.mark.parametrize("more", [{}, {"table": {"centre_um": [99.0, 111.0]}}, {"response_scale": 1.15}])
-@pytest.mark.parametrize("sides", [{}, {"pixel_um": 24.0, "pixel_y_um": 19.0}])
-def test_the_fast_dose_of_a_response_is_that_of_direct_sums(more: dict[str, Any], sides: dict[str, float]) -> None:
-    one = measured(lopsided(), **HALO, **sides, **more)
+@pytest.mark.parametrize("changes", [{}, {"table": {"centre_um": [99.0, 111.0]}}, {"response_scale": 1.15}])
+@pytest.mark.parametrize("pixels", [{}, {"pixel_um": 24.0, "pixel_y_um": 19.0}])
+def test_the_dose_of_a_response_agrees_with_direct_sums(changes: dict[str, Any], pixels: dict[str, float]) -> None:
+    process = settings_with(asymmetric(), **HALO, **pixels, **changes)
     rng = np.random.default_rng(7)
     image = np.zeros((40, 36))
     image[15:22, 15:21] = rng.random((7, 6))
-    found = dose_map(FlatImage(image, 3), one, 30.0)
-    rows, columns = rng.integers(14 * one.pixel_light.fine, 23 * one.pixel_light.fine, (2, 25))
-    at = np.column_stack([columns, rows]) * found.step_um + found.first_um
-    wanted = dose_at(np.repeat(image[None], 3, axis=0), one, at, 30.0)
-    assert np.allclose(found.dose[rows, columns], wanted, rtol=1e-5)
-    between = rng.uniform(14.0, 23.0, (25, 2)) * one.pixels_um
-    wanted = np.log(dose_at(np.repeat(image[None], 3, axis=0), one, between, 30.0))
-    assert np.allclose(found.log_excess(between) + math.log(one.Ec_mJ_per_cm2), wanted, atol=5e-3)
+    images = np.repeat(image[None], 3, axis=0)
+    dose = dose_map(FlatImage(image, 3), process, 30.0)
+    rows, columns = rng.integers(14 * process.pixel_light.fine, 23 * process.pixel_light.fine, (2, 25))
+    nodes = np.column_stack([columns, rows]) * dose.step_um + dose.first_um
+    assert np.allclose(dose.dose[rows, columns], dose_at(images, process, nodes, 30.0), rtol=1e-5)
+    points = rng.uniform(14.0, 23.0, (25, 2)) * process.pixels_um
+    expected = np.log(dose_at(images, process, points, 30.0) / process.Ec_mJ_per_cm2)
+    assert np.allclose(dose.log_excess(points), expected, atol=5e-3)
 
 
-def test_an_asymmetric_response_moves_the_edges_apart() -> None:
-    """The peak stays where the pixel is; the tail lets the walls that face it grow by more."""
+def test_walls_that_face_the_tail_of_a_response_grow_more() -> None:
     centre = {"table": {"centre_um": [35 * PITCH, 35 * PITCH]}}
-    right, left = (measured(light, **HALO, **centre) for light in (lopsided(), lopsided()[:, ::-1]))
+    right, left = (settings_with(light, **HALO, **centre) for light in (asymmetric(), asymmetric()[:, ::-1]))
     x = np.linspace(300.0, 1300.0, 20001)
 
-    def grown(one: Settings, more: float) -> tuple[float, float]:
-        """Growth to the left and to the right of a strip, whose edges cover so much of their pixels."""
+    def strip_growth_um(process: Settings, covered: float) -> tuple[float, float]:
+        """Return the growth of a strip to the left and to the right; its edges cover a fraction of their pixels."""
         image = np.zeros((8, 60))
-        image[:, 20:40], image[:, [19, 40]] = 1.0, more
-        excess = dose_map(FlatImage(image, 80), one, 500.0 * (1.0 - 1e-9)).log_excess
-        over = np.flatnonzero(excess(np.column_stack([x, np.full_like(x, 100.0)])) > 0.0)
-        return (20 - more) * 27.0 - x[over[0]], x[over[-1]] - (40 + more) * 27.0
+        image[:, 20:40], image[:, [19, 40]] = 1.0, covered
+        excess = dose_map(FlatImage(image, 80), process, 500.0 * (1.0 - 1e-9)).log_excess
+        cured = np.flatnonzero(excess(np.column_stack([x, np.full_like(x, 100.0)])) > 0.0)
+        return (20 - covered) * 27.0 - x[cured[0]], x[cured[-1]] - (40 + covered) * 27.0
 
-    here = np.mean([grown(right, more) for more in (0.0, 0.25, 0.5, 0.75)], axis=0)
-    assert here[1] - here[0] > 20.0
-    assert grown(left, 0.0)[::-1] == pytest.approx(grown(right, 0.0), abs=0.1)
-    # walls by sums that take the mean over places in the pixel of the light, and not of the edge
-    assert uneven_um(right) == pytest.approx(tuple(here), abs=1.5)
-    least, most = uneven_um(right)
-    assert least < growth_um(right) < most
-    assert uneven_um(settings()) == (growth_um(settings()),) * 2
+    mean = np.mean([strip_growth_um(right, covered) for covered in (0.0, 0.25, 0.5, 0.75)], axis=0)
+    assert mean[1] - mean[0] > 20.0
+    assert strip_growth_um(left, 0.0)[::-1] == pytest.approx(strip_growth_um(right, 0.0), abs=0.1)
+    # the closed form averages the light over positions in the pixel, instead of the edge
+    assert growth_range_um(right) == pytest.approx(tuple(mean), abs=1.5)
+    low, high = growth_range_um(right)
+    assert low < growth_um(right) < high
+    assert growth_range_um(settings()) == (growth_um(settings()),) * 2
 
 
-def test_a_part_on_edge_or_upright_takes_the_response_along_its_pixels() -> None:
+def test_parts_on_edge_and_upright_use_the_response() -> None:
     target, rings = round_target(1.0), [ring(1.0)]
     sides: tuple[Side, ...] = ("upright", "on-edge")
     for side in sides:
-        plain, table = (
-            SidePrint.of(rings, target, one, side).profile_um()
-            for one in (settings(**HALO), measured(gaussian_pixel(), **HALO))
+        gaussian_um, table_um = (
+            SidePrint.of(rings, target, process, side).profile_um()
+            for process in (settings(**HALO), settings_with(gaussian_pixel(), **HALO))
         )
-        assert np.sqrt(np.mean((table - plain) ** 2)) < 0.15  # µm; its rows are straight lines between fine points
-    shapes = [
-        SidePrint.of(rings, target, measured(light), "upright").profile_um()
-        for light in (lopsided(), lopsided()[:, ::-1])
-    ]
-    right = target.points_mm[:, 0] > 0.98
-    assert shapes[0][right].mean() - shapes[1][right].mean() > 2.0
+        assert np.sqrt(np.mean((table_um - gaussian_um) ** 2)) < 0.15  # rows are interpolated linearly
+    right_um, left_um = (
+        SidePrint.of(rings, target, settings_with(light), "upright").profile_um()
+        for light in (asymmetric(), asymmetric()[:, ::-1])
+    )
+    right_side = target.points_mm[:, 0] > 0.98
+    assert right_um[right_side].mean() - left_um[right_side].mean() > 2.0
 
 
 FILE = """schema = 1
@@ -150,7 +148,7 @@ pitch_um = 3.0
 """
 
 
-def written(folder: Path, light: NDArray[np.float64], name: str = "pixel.csv") -> Path:
+def process_file(folder: Path, light: NDArray[np.float64], name: str = "pixel.csv") -> Path:
     if name.endswith(".csv"):
         np.savetxt(folder / name, light, delimiter=",", header="dark subtracted")
     else:
@@ -160,157 +158,155 @@ def written(folder: Path, light: NDArray[np.float64], name: str = "pixel.csv") -
 
 
 @pytest.mark.parametrize("name", ["pixel.csv", "pixel.png", "pixel.tif"])
-def test_a_process_file_takes_its_response_from_a_table_or_an_image(tmp_path: Path, name: str) -> None:
-    found = read_process(written(tmp_path, lopsided(), name))
-    assert found.process.sigma_um is None
-    assert found.process.response is not None
-    light = np.array(found.process.response.light)
-    assert np.allclose(light / light.max(), lopsided() / lopsided().max(), atol=1e-5)
-    assert found.source["response"] == f"measured: {name}"
-    # what is not stated is assumed, and said to be
-    assert found.uncertainty["response_scale"] == 0.05
-    assert "response_scale" in found.assumptions
-    assert "sigma_um" not in {*found.uncertainty, *found.assumptions}
-    again = parsed_process(process_text(found), "again")
-    assert again.process == found.process
+def test_reads_a_response_from_a_table_or_an_image(tmp_path: Path, name: str) -> None:
+    process = read_process(process_file(tmp_path, asymmetric(), name))
+    assert process.process.sigma_um is None
+    assert process.process.response is not None
+    light = np.array(process.process.response.light)
+    assert np.allclose(light / light.max(), asymmetric() / asymmetric().max(), atol=1e-5)
+    assert process.source["response"] == f"measured: {name}"
+    assert process.uncertainty["response_scale"] == 0.05, "the default"
+    assert "response_scale" in process.assumptions
+    assert "sigma_um" not in {*process.uncertainty, *process.assumptions}
+    assert parsed_process(process_text(process), "copy").process == process.process
 
 
-def test_a_response_and_a_gaussian_are_one_statement(tmp_path: Path) -> None:
-    path = written(tmp_path, lopsided())
+def test_refuses_a_response_with_conflicting_keys(tmp_path: Path) -> None:
+    path = process_file(tmp_path, asymmetric())
     both = path.read_text(encoding="utf-8").replace("[process.resp", "[process]\nsigma_um = 12.0\n\n[process.resp")
-    with pytest.raises(DataError, match=r"process\.sigma_um = 12\.0; cannot be combined with process\.response"):
+    with pytest.raises(DataError, match=r"process\.sigma_um = 12\.0; .*process\.response"):
         parsed_process(both, "both", tmp_path)
     text = path.read_text(encoding="utf-8")
     with pytest.raises(DataError, match=r"uncertainty\.sigma_um = 3\.0"):
         parsed_process(text + "[uncertainty]\nsigma_um = 3.0\n", "both", tmp_path)
-    for stated in ("[process]\nresponse_scale = 1.1\n", "[uncertainty]\nresponse_scale = 0.1\n"):
+    for table in ("[process]\nresponse_scale = 1.1\n", "[uncertainty]\nresponse_scale = 0.1\n"):
         with pytest.raises(DataError, match="response"):
-            parsed_process('schema = 1\nname = "ours"\n' + stated, "none")
-    with pytest.raises(DataError, match="scattered light is wider"):
-        measured(lopsided(), halo_um=5.0)
-    with pytest.raises(DataError, match="response of a 27 µm pixel"):
+            parsed_process('schema = 1\nname = "ours"\n' + table, "none")
+    with pytest.raises(DataError, match="halo_um = 5"):
+        settings_with(asymmetric(), halo_um=5.0)
+    with pytest.raises(DataError, match=r"asiga-max-x43.*27 µm"):
         with_printer(read_process(path), "asiga-max-x43")
 
 
-BAD = {
-    "a missing file": ("", "no such file"),
-    "text": ("1 2 3\n4 five 6\n", "must contain rows of numbers"),
-    "a line": ("1 2 3 4 5 6\n", "at least 5 rows"),
+INVALID_TABLES = {
+    "no file": ("", "no such file"),
+    "text": ("1 2 3\n4 five 6\n", "line 2, column 2 = 'five'"),
+    "single row": ("1 2 3 4 5 6\n", "at least 5 rows"),
     "rows of two lengths": ("1 2 3 4 5\n" * 5 + "1 2\n", "same length"),
-    "dark": ("0 0 0 0 0\n" * 6, "must be light"),
-    "a light below 0": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark image"),
-    "a background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
-    "a background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
-    "two marks": ("0;0;0,5;0.5;0\n" * 6, "decimal mark"),
-    "two separators": (
-        "0 0 1 0 0\n" * 5 + "0;0;1;0;0\n",
-        "line 6, column 1 = '0;0;1;0;0'; must contain rows of numbers",
-    ),
-    "a gap": ("0;0;1;0;0\n" * 5 + "0;;1;0;0\n", "line 6, column 2; must be a finite number"),
-    "no number": ("0 0 0 0 0\n" * 3 + "0 0 nan 0 0\n" + "0 0 0 0 0\n" * 3, "finite"),
+    "no light": ("0 0 0 0 0\n" * 6, "no sample above 0"),
+    "negative light": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark image"),
+    "background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
+    "background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
+    "two decimal marks": ("0;0;0,5;0.5;0\n" * 6, "decimal mark"),
+    "two separators": ("0 0 1 0 0\n" * 5 + "0;0;1;0;0\n", "line 6, column 1 = '0;0;1;0;0'"),
+    "empty cell": ("0;0;1;0;0\n" * 5 + "0;;1;0;0\n", "line 6, column 2; .*finite"),
+    "not a number": ("0 0 0 0 0\n" * 3 + "0 0 nan 0 0\n" + "0 0 0 0 0\n" * 3, "finite"),
 }
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
-    text, named = BAD[case]
-    path = written(tmp_path, lopsided())
+@pytest.mark.parametrize("case", INVALID_TABLES)
+def test_refuses_invalid_tables(tmp_path: Path, case: str) -> None:
+    text, message = INVALID_TABLES[case]
+    path = process_file(tmp_path, asymmetric())
     (tmp_path / "pixel.csv").write_text(text, encoding="utf-8")
     if not text:
         (tmp_path / "pixel.csv").unlink()
-    with pytest.raises(DataError, match=named) as refusal:
+    with pytest.raises(DataError, match=message) as error:
         read_process(path)
-    assert "\n" not in str(refusal.value)
+    assert "\n" not in str(error.value)
 
 
-def test_a_hot_sample_is_warned_of_and_a_sharp_pixel_is_not() -> None:
-    def told(light: NDArray[np.float64]) -> list[str]:
-        process = Process(name="p", process=measured(light))
+def test_warns_of_a_hot_pixel_of_the_camera_and_not_of_a_narrow_response() -> None:
+    def hot_pixel_warnings(light: NDArray[np.float64]) -> list[str]:
+        process = Process(name="p", process=settings_with(light))
         return [line for line in process.warnings() if line.startswith("do not use: process.response")]
 
     light = gaussian_pixel(pixel=8.0, sigma=4.0)
-    assert told(light) == told(gaussian_pixel()) == []
+    assert hot_pixel_warnings(light) == hot_pixel_warnings(gaussian_pixel()) == []
     light[10, 12] = 60.0 * light.max()
-    (line,) = told(light)
-    assert "sample 13 of row 11" in line
+    (warning,) = hot_pixel_warnings(light)
+    assert "row 11" in warning
+    assert "13" in warning
 
 
-def test_samples_that_cannot_be_those_of_the_pixel_are_refused(tmp_path: Path) -> None:
-    for table, named in (
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
         ({"centre_um": [600.0, 60.0]}, r"centre_um.*within the table"),
-        ({"pitch_um": 8.0}, "at least 4 samples"),
+        ({"pitch_um": 8.0}, "pitch_um = 8.0; .*4 samples per pixel"),
         ({"pitch_um": 0.05}, "check pitch_um"),
         ({"pitch_um": 3.0, "file": "pixel.csv"}, r"response\.file"),
-    ):
-        with pytest.raises(DataError, match=named):
-            _ = measured(lopsided(), table=table).blur_um
-    flat = np.minimum(lopsided(), 0.5) / 0.5 * 255
-    Image.fromarray(flat.astype(np.uint8)).save(tmp_path / "pixel.png")
+    ],
+)
+def test_refuses_samples_that_contradict_the_pixel(table: dict[str, Any], message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        _ = settings_with(asymmetric(), table=table).blur_um
+
+
+def test_refuses_unsuitable_images(tmp_path: Path) -> None:
+    grey = Image.fromarray(np.rint(200 * asymmetric() / asymmetric().max()).astype(np.uint8))
+    overexposed = Image.fromarray((np.minimum(asymmetric(), 0.5) / 0.5 * 255).astype(np.uint8))
+    colour = Image.fromarray(np.zeros((9, 9, 3), np.uint8))
     (tmp_path / "ours.toml").write_text(FILE.format("pixel.png"), encoding="utf-8")
-    with pytest.raises(DataError, match="overexposed"):
-        read_process(tmp_path / "ours.toml")
-    Image.fromarray(np.zeros((9, 9, 3), np.uint8)).save(tmp_path / "pixel.png")
-    with pytest.raises(DataError, match="single-channel"):
-        read_process(tmp_path / "ours.toml")
-    grey = Image.fromarray(np.rint(200 * lopsided() / lopsided().max()).astype(np.uint8))
-    grey.convert("P").save(tmp_path / "pixel.png")
-    with pytest.raises(DataError, match="a palette"):
-        read_process(tmp_path / "ours.toml")
+    for image, message in ((overexposed, "overexposed"), (colour, "single-channel"), (grey.convert("P"), "palette")):
+        image.save(tmp_path / "pixel.png")
+        with pytest.raises(DataError, match=message):
+            read_process(tmp_path / "ours.toml")
     (tmp_path / "ours.toml").write_text(FILE.format("pixel.tif"), encoding="utf-8")
     grey.save(tmp_path / "pixel.tif", save_all=True, append_images=[grey])
-    with pytest.raises(DataError, match=r"2 pages.; must contain a single image"):
+    with pytest.raises(DataError, match=r"single image.* 2 pages"):
         read_process(tmp_path / "ours.toml")
 
 
 @pytest.mark.parametrize(
     ("separator", "mark"), [(";", ","), ("\t", ","), (" ", ","), (", ", "."), (";", "."), (",", ".")]
 )
-def test_a_table_has_one_separator_and_one_decimal_mark(tmp_path: Path, separator: str, mark: str) -> None:
-    path, wanted = written(tmp_path, lopsided()), np.round(lopsided(), 5)
-    lines = [separator.join(f"{one:.5f}".replace(".", mark) for one in row) for row in wanted.tolist()]
+def test_reads_tables_with_other_separators_and_decimal_marks(tmp_path: Path, separator: str, mark: str) -> None:
+    path, light = process_file(tmp_path, asymmetric()), np.round(asymmetric(), 5)
+    lines = [separator.join(f"{value:.5f}".replace(".", mark) for value in row) for row in light.tolist()]
     (tmp_path / "pixel.csv").write_text("\n".join(["# dark subtracted", *lines, ""]), encoding="utf-8")
     response = read_process(path).process.response
     assert response is not None
-    assert np.array_equal(response.light, wanted)
+    assert np.array_equal(response.light, light)
 
 
-def test_the_file_of_a_response_is_a_source_with_its_checksum(tmp_path: Path) -> None:
-    path = written(tmp_path, lopsided())
-    found = process_of(PrintOptions(process=path))[1]
-    assert [one.file for one in found] == ["ours.toml", "pixel.csv"]
-    assert found[1].sha256 == hashlib.sha256((tmp_path / "pixel.csv").read_bytes()).hexdigest()
+def test_sources_contain_the_file_of_a_response(tmp_path: Path) -> None:
+    path = process_file(tmp_path, asymmetric())
+    sources = process_of(PrintOptions(process=path))[1]
+    assert [source.file for source in sources] == ["ours.toml", "pixel.csv"]
+    assert sources[1].sha256 == hashlib.sha256((tmp_path / "pixel.csv").read_bytes()).hexdigest()
     assert files_read(path, None) == [path, tmp_path / "pixel.csv", None]
 
 
-def test_coupons_find_the_scale_of_a_response_in_place_of_a_blur() -> None:
-    true = measured(lopsided(), response_scale=1.12, Ec_mJ_per_cm2=3.2)
-    drawn = [*(("pillar", one) for one in (0.06, 0.1, 0.5)), ("hole", 0.15), ("hole", 0.4), ("gap", 0.15)]
-    features = [MeasuredFeature(kind, mm, mm, 0.002, True) for kind, mm in drawn]  # type: ignore[arg-type]  # its kinds
+def test_coupons_calibrate_the_scale_of_a_response() -> None:
+    true = settings_with(asymmetric(), response_scale=1.12, Ec_mJ_per_cm2=3.2)
+    features = [MeasuredFeature("pillar", mm, mm, 0.002, True) for mm in (0.06, 0.1, 0.5)]
+    features += [MeasuredFeature("hole", mm, mm, 0.002, True) for mm in (0.15, 0.4)]
+    features += [MeasuredFeature("gap", 0.15, 0.15, 0.002, True)]
     sizes = printed_mm(true, features)
-    seen = [replace(one, measured_mm=float(size)) for one, size in zip(features, sizes, strict=True) if size > 0.0]
-    before = default_process()
-    keys = {key: u for key, u in before.uncertainty.items() if key != "sigma_um"} | {"response_scale": 0.05}
-    process = Process(name="test", process=measured(lopsided()), uncertainty=keys)
-    found = calibrated(process, [MeasuredCoupon(tuple(seen), SharedScale(2.0, 1e-4))], "test")
-    scale = found.numbers[0]
+    printed = [replace(each, measured_mm=float(mm)) for each, mm in zip(features, sizes, strict=True) if mm > 0.0]
+    uncertainty = {key: u for key, u in default_process().uncertainty.items() if key != "sigma_um"}
+    uncertainty["response_scale"] = 0.05
+    process = Process(name="test", process=settings_with(asymmetric()), uncertainty=uncertainty)
+    result = calibrated(process, [MeasuredCoupon(tuple(printed), SharedScale(2.0, 1e-4))], "test")
+    scale = result.numbers[0]
     assert scale.key == "response_scale"
     assert scale.value == pytest.approx(1.12, abs=2.0 * scale.u)
     assert scale.u < 0.12
-    assert found.settings.sigma_um is None
-    again = parsed_process(process_text(found.process), "again")
-    assert again.process.response == process.process.response
-    assert again.covariance()[0][0] == "response_scale"
+    assert result.settings.sigma_um is None
+    copy = parsed_process(process_text(result.process), "copy")
+    assert copy.process.response == process.process.response
+    assert copy.covariance()[0][0] == "response_scale"
 
 
-def test_compensation_follows_an_asymmetric_response() -> None:
+def test_compensates_an_asymmetric_response() -> None:
     target, rings = round_target(0.8), [ring(0.8)]
-    one = measured(lopsided(), **HALO)
-    off = FlatPrint.of(rings, target, one, 0.5).offsets_um(230.0)
+    process = settings_with(asymmetric(), **HALO)
+    before = FlatPrint.of(rings, target, process, 0.5).offsets_um(230.0)
     x = target.outward[:, 0]
-    assert off[x < -0.9].mean() - off[x > 0.9].mean() > 5.0  # the peak is left of the centroid
-    drawn = np.zeros_like(off)
+    assert before[x < -0.9].mean() - before[x > 0.9].mean() > 5.0  # the peak is left of the centroid
+    correction = np.zeros_like(before)
     for _ in range(8):
-        moved = [target.moved_um(drawn)]
-        drawn -= FlatPrint.of(moved, target, one, 0.5).offsets_um(230.0)
-    left = FlatPrint.of([target.moved_um(drawn)], target, one, 0.5).offsets_um(230.0)
-    assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(off**2))
+        correction -= FlatPrint.of([target.displaced(correction)], target, process, 0.5).offsets_um(230.0)
+    after = FlatPrint.of([target.displaced(correction)], target, process, 0.5).offsets_um(230.0)
+    assert np.sqrt(np.mean(after**2)) < 0.1 * np.sqrt(np.mean(before**2))

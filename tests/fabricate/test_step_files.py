@@ -1,4 +1,4 @@
-"""STEP read back by the kernel's own reader: one valid solid, its volume, its curves, its names."""
+"""STEP files, read by Open CASCADE: validity, volume, curves and names."""
 
 import math
 import re
@@ -15,7 +15,7 @@ from solen.errors import DesignError, OutputError
 from solen.fabricate import Part, Prism, as_step, label_of
 from solen.geometry import Face
 from solen.spec import Design
-from tests.fabricate.solid_support import HALF, design, off_the_oval_mm, oval_z, part_of, seated
+from tests.fabricate.solid_support import HALF, design, oval_distance_mm, oval_z, part_of, seated
 
 pytest.importorskip("OCP", reason="needs the extra cad")
 
@@ -32,7 +32,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 QUADRATURE = 1e-9
-"""Relative accuracy that the kernel's adaptive Gauss-Kronrod quadrature is asked for."""
+"""Relative tolerance of the adaptive Gauss-Kronrod quadrature."""
 
 
 def read(data: bytes, folder: Path) -> Any:
@@ -48,11 +48,11 @@ CASTS = {TopAbs_EDGE: TopoDS.Edge, TopAbs_FACE: TopoDS.Face, TopAbs_SHELL: TopoD
 
 
 def pieces(shape: Any, kind: Any) -> list[Any]:
-    found, explorer = [], TopExp_Explorer(shape, kind)
+    shapes, explorer = [], TopExp_Explorer(shape, kind)
     while explorer.More():
-        found.append(CASTS[kind](explorer.Current()))
+        shapes.append(CASTS[kind](explorer.Current()))
         explorer.Next()
-    return found
+    return shapes
 
 
 def volume(shape: Any, eps: float | None = QUADRATURE) -> float:
@@ -64,13 +64,14 @@ def volume(shape: Any, eps: float | None = QUADRATURE) -> float:
     return float(properties.Mass())
 
 
-def made(chosen: Design, folder: Path) -> tuple[Part, Any]:
-    part = part_of(chosen)
-    return part, read(as_step(part, label_of(chosen, "")), folder)
+def written(sensor: Design, folder: Path) -> tuple[Part, Any]:
+    """Write the STEP file of a part; return the part and the shape that is read back."""
+    part = part_of(sensor)
+    return part, read(as_step(part, label_of(sensor, "")), folder)
 
 
 @pytest.mark.parametrize(
-    "chosen",
+    "sensor",
     [
         *(pytest.param(design(material__index=n), id=f"n = {n}") for n in (1.44, 1.49, 1.54)),
         pytest.param(seated(), id="seated"),
@@ -78,35 +79,35 @@ def made(chosen: Design, folder: Path) -> tuple[Part, Any]:
         pytest.param(design(wall=[{"face": "stem-*", "from_mm": 2, "to_mm": 6, "finish": "black"}]), id="walls"),
     ],
 )
-def test_it_is_one_valid_solid_of_the_exact_volume(chosen: Design, tmp_path: Path) -> None:
-    part, shape = made(chosen, tmp_path)
+def test_files_contain_a_valid_solid_with_the_exact_volume(sensor: Design, tmp_path: Path) -> None:
+    part, shape = written(sensor, tmp_path)
     assert len(pieces(shape, TopAbs_SOLID)) == 1
     (shell,) = pieces(shape, TopAbs_SHELL)
     assert shell.Closed()
     assert BRepCheck_Analyzer(shape).IsValid()
     assert volume(shape) == pytest.approx(part.volume_mm3, rel=1e-8)
-    # what CAD programs show: the kernel's quick rule, with 18 nodes along the lens
+    # the default quadrature, which CAD programs use, has 18 nodes along the lens
     assert volume(shape, None) == pytest.approx(part.volume_mm3, rel=1e-6)
 
 
 @pytest.mark.parametrize("index", [1.44, 1.49, 1.54])
-def test_the_lens_is_a_spline_within_10_nm_of_the_oval(index: float, tmp_path: Path) -> None:
-    _, shape = made(design(material__index=index), tmp_path)
-    seen = 0
+def test_the_spline_of_a_lens_is_accurate_to_10_nm(index: float, tmp_path: Path) -> None:
+    _, shape = written(design(material__index=index), tmp_path)
+    count = 0
     for edge in pieces(shape, TopAbs_EDGE):
         curve = BRepAdaptor_Curve(edge)
         if curve.GetType() != GeomAbs_BSplineCurve or curve.BSpline().Degree() != 3:
             continue
-        places = np.linspace(curve.FirstParameter(), curve.LastParameter(), 5001)
-        points = np.array([(p.X(), p.Y()) for p in map(curve.Value, places.tolist())])
-        assert off_the_oval_mm(points, index) < 1e-5
+        parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), 5001)
+        points = np.array([(point.X(), point.Y()) for point in map(curve.Value, parameters.tolist())])
+        assert oval_distance_mm(points, index) < 1e-5
         assert np.abs(points[[0, -1], 0]) == pytest.approx(2.0, abs=1e-9)
-        seen += 1
-    assert seen >= 2, "one below and one above"
+        count += 1
+    assert count >= 2, "at the bottom and at the top"
 
 
-def test_the_faces_are_planes_and_surfaces_of_extrusion(tmp_path: Path) -> None:
-    _, shape = made(design(), tmp_path)
+def test_faces_are_planes_and_surfaces_of_extrusion(tmp_path: Path) -> None:
+    _, shape = written(design(), tmp_path)
     kinds = [BRepAdaptor_Surface(face).GetType() for face in pieces(shape, TopAbs_FACE)]
     assert len(kinds) == 11
     assert kinds.count(GeomAbs_SurfaceOfExtrusion) == 3, "the lens and both sides of the stem"
@@ -114,61 +115,61 @@ def test_the_faces_are_planes_and_surfaces_of_extrusion(tmp_path: Path) -> None:
 
 
 def directions(shape: Any, corner: tuple[float, float]) -> list[tuple[float, float]]:
-    """Unit tangents in the plane at a corner below, of the edges that end there."""
-    found = []
+    """Return the unit tangents of the horizontal edges that end at a corner of the bottom face."""
+    tangents = []
     for edge in pieces(shape, TopAbs_EDGE):
         curve = BRepAdaptor_Curve(edge)
-        for place in (curve.FirstParameter(), curve.LastParameter()):
-            point, along = curve.Value(place), curve.DN(place, 1)
-            if math.dist((point.X(), point.Y(), point.Z()), (*corner, 0.0)) < 1e-6 and abs(along.Z()) < 0.5:
-                length = math.hypot(along.X(), along.Y())
-                found.append((along.X() / length, along.Y() / length))
-    return found
+        for parameter in (curve.FirstParameter(), curve.LastParameter()):
+            point, tangent = curve.Value(parameter), curve.DN(parameter, 1)
+            if math.dist((point.X(), point.Y(), point.Z()), (*corner, 0.0)) < 1e-6 and abs(tangent.Z()) < 0.5:
+                length = math.hypot(tangent.X(), tangent.Y())
+                tangents.append((tangent.X() / length, tangent.Y() / length))
+    return tangents
 
 
-def test_the_stem_runs_on_into_the_arm_without_a_bend(tmp_path: Path) -> None:
-    _, shape = made(design(), tmp_path)
-    found = directions(shape, (2.0 + 0.004 * 16.2**2, float(oval_z(np.array([HALF]))[0]) + 16.2))
-    assert len(found) == 4, "two edges, seen from the bottom and from their sides"
+def test_stem_and_arm_have_the_same_tangent(tmp_path: Path) -> None:
+    _, shape = written(design(), tmp_path)
+    tangents = directions(shape, (2.0 + 0.004 * 16.2**2, float(oval_z(np.array([HALF]))[0]) + 16.2))
+    assert len(tangents) == 4, "two edges, each of the bottom and of a side"
     slope = 2 * 0.004 * 16.2
-    for x, z in found:
+    for x, z in tangents:
         assert x / z == pytest.approx(slope, abs=1e-9)
 
 
-def test_corners_are_shared_and_exact(tmp_path: Path) -> None:
-    """No vertex needs a tolerance beyond the kernel's least: the curves meet in it."""
-    _, shape = made(design(), tmp_path)
+def test_corners_are_exact(tmp_path: Path) -> None:
+    """No edge has a tolerance above the minimum of the kernel."""
+    _, shape = written(design(), tmp_path)
     for edge in pieces(shape, TopAbs_EDGE):
         assert BRep_Tool.Tolerance_s(edge) <= 1.1e-7
 
 
-def test_faces_and_header_say_what_they_are() -> None:
-    chosen = seated(name="Sensor µ 1")
-    label = label_of(chosen, "thickness 4 mm")
-    text = as_step(part_of(chosen), label).decode("ascii")
+def test_names_of_faces_and_header() -> None:
+    sensor = seated(name="Sensor µ 1")
+    label = label_of(sensor, "thickness 4 mm")
+    text = as_step(part_of(sensor), label).decode("ascii")
     names = re.findall(r"ADVANCED_FACE\('([^']*)'", text)
     assert {"lens", "stem-right", "receiver-left", "top", "bottom", "pocket-right", "slot-emitter"} <= set(names)
     assert names.count("pocket-left") == 5
     assert "" not in names
-    flat = re.sub(r"\s+", " ", text)
-    assert label.sha256 in flat
-    assert f"'solen {__version__}'" in flat
-    assert "PRODUCT('Sensor ? 1'" in flat
-    assert ".MILLI.,.METRE." in flat
+    line = re.sub(r"\s+", " ", text)
+    assert label.sha256 in line
+    assert f"'solen {__version__}'" in line
+    assert "PRODUCT('Sensor ? 1'" in line
+    assert ".MILLI.,.METRE." in line
 
 
-def test_the_same_design_gives_the_same_file() -> None:
+def test_files_are_reproducible() -> None:
     label = label_of(seated(), "")
     assert as_step(part_of(seated()), label) == as_step(part_of(seated()), label)
 
 
-def test_arcs_holes_and_bodies_in_them(tmp_path: Path) -> None:
+def test_bodies_in_holes(tmp_path: Path) -> None:
     rings = [
         Arc.circle((0.0, 0.0), 5.0),
         Arc.circle((0.5, 0.0), 3.0).reversed(),
         Arc.circle((0.5, 0.0), 1.0),
     ]
-    part = Part("rings", (Prism("rings", tuple((Face(f"ring-{i}", one),) for i, one in enumerate(rings)), 1.0, 3.0),))
+    part = Part("rings", (Prism("rings", tuple((Face(f"ring-{i}", ring),) for i, ring in enumerate(rings)), 1.0, 3.0),))
     shape = read(as_step(part, label_of(design(), "")), tmp_path)
     assert len(pieces(shape, TopAbs_SOLID)) == 2
     assert BRepCheck_Analyzer(shape).IsValid()
@@ -177,14 +178,13 @@ def test_arcs_holes_and_bodies_in_them(tmp_path: Path) -> None:
     assert kinds.count(GeomAbs_Cylinder) == 3
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_arcs_of_either_way_and_free_forms(way: float, tmp_path: Path) -> None:
-    """A box with a bulge or a bay at its right, and a smooth line with a corner at its left."""
-    bow = Arc.through((4.0, 0.0), (4.0 + way, 2.0), (4.0, 4.0))
+@pytest.mark.parametrize("rise_mm", [1.0, -1.0])
+def test_convex_and_concave_arcs_and_splines(rise_mm: float, tmp_path: Path) -> None:
+    arc = Arc.through((4.0, 0.0), (4.0 + rise_mm, 2.0), (4.0, 4.0))
     wave = Spline(((0, 4), (0.5, 3), (-0.5, 3), (0, 2), (0.5, 1.5), (0.4, 0.5), (0, 0)))
     faces = (
         Face("base", Segment((0.0, 0.0), (4.0, 0.0))),
-        Face("bow", bow),
+        Face("arc", arc),
         Face("lid", Segment((4.0, 4.0), (0.0, 4.0))),
         Face("wave", wave),
     )
@@ -192,10 +192,10 @@ def test_arcs_of_either_way_and_free_forms(way: float, tmp_path: Path) -> None:
     shape = read(as_step(part, label_of(design(), "")), tmp_path)
     assert BRepCheck_Analyzer(shape).IsValid()
     assert volume(shape) == pytest.approx(part.volume_mm3, rel=1e-9)
-    assert len(pieces(shape, TopAbs_FACE)) == 7, "the corner divides the wave"
+    assert len(pieces(shape, TopAbs_FACE)) == 7, "a corner divides the wave"
 
 
-def test_prisms_that_touch_are_one_solid(tmp_path: Path) -> None:
+def test_touching_prisms_are_united(tmp_path: Path) -> None:
     def square(x: float, size: float) -> tuple[Face, ...]:
         corners = [(x, 0.0), (x + size, 0.0), (x + size, size), (x, size)]
         sides = zip(corners, [*corners[1:], corners[0]], strict=True)
@@ -207,20 +207,19 @@ def test_prisms_that_touch_are_one_solid(tmp_path: Path) -> None:
     assert volume(shape) == pytest.approx(81 * 0.8 + 9 * 1.2, rel=1e-9)
 
 
-def test_nothing_is_said_on_stdout(capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_kernel_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     as_step(part_of(design()), label_of(design(), ""))
-    said = capfd.readouterr()
-    assert (said.out, said.err) == ("", "")
+    printed = capfd.readouterr()
+    assert (printed.out, printed.err) == ("", "")
 
 
-def test_without_the_kernel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_extra_is_named_if_the_kernel_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "OCP", None)
     with pytest.raises(OutputError, match=r'^--step; .* is not installed; pip install "cadquery-ocp-novtk\S+"$'):
         as_step(part_of(design()), label_of(design(), ""))
 
 
-def test_an_outline_that_the_kernel_cannot_join_is_refused() -> None:
-    """What comes from no body was not checked to be closed."""
+def test_refuses_an_open_outline() -> None:
     faces = (
         Face("a", Segment((0.0, 0.0), (1.0, 0.0))),
         Face("b", Segment((1.0, 0.5), (0.0, 1.0))),

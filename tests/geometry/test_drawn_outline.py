@@ -461,7 +461,7 @@ def test_reads_any_curve_from_json_exactly(tmp_path: Path) -> None:
         ("a.svg", '<svg width="1mm"><circle class="emitter" cx="1"/></svg>', "has no size"),
         ("a.svg", '<svg width="1mm" viewBox="0 0 0 0"><path d="M0 0L1 1"/></svg>', "must have a size above 0"),
         ("a.svg", '<svg width="1mm"><path d="M0 0L1e300 1"/></svg>', "between ±1e+09"),
-        ("a.json", "{", "not JSON"),
+        ("a.json", "{", "not valid JSON"),
         ("a.json", "{}", "solen_outline is missing"),
         ("a.json", '{"solen_outline": 1, "faces": [{"name": "a"}]}', "faces[0]: curve; missing"),
         ("a.json", '{"solen_outline": 2, "faces": []}', "must be 1 for this version of solen"),

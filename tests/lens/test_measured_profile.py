@@ -115,7 +115,7 @@ def test_a_refusal_is_one_line_that_names_file_and_limit(tmp_path: Path, change:
     ("text", "words"),
     [
         ("", "is empty"),
-        ("{", "not JSON"),
+        ("{", "not valid JSON"),
         ("[1, 2]", "not a profile of a lens"),
         ('{"solen": "lens profile", "schema": 1, "x_mm": [NaN]}', "NaN is not a valid JSON number"),
         ("x_mm,y_mm\n1,2\n3,4\n", "has no column z or z_mm"),

@@ -103,7 +103,7 @@ def test_an_index_at_fewer_than_two_wavelengths_is_none() -> None:
         ({"n": [1.5, "1.5", 1.5]}, "n[1] = '1.5'; must be a number"),
         ({"u_n": [-0.1, 0.1, 0.1]}, "u_n[0] = -0.1; must be at least 0"),
         ({"wavelength_nm": [0.0, 1.0, 2.0]}, "wavelength_nm[0] = 0.0; must be greater than 0"),
-        ({"mode": None}, "mode; must be text"),
+        ({"mode": None}, "mode; must be a string"),
         ({"fit": {"kind": "spline"}}, "fit = 'spline'; must be a cauchy or a sellmeier formula"),
         ({"fit": {"kind": "cauchy", "B_um2": 0.1}}, "index.A; missing"),
         (

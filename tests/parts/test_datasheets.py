@@ -1,4 +1,4 @@
-"""Parts: the shipped datasheets are sound, files are checked strictly, and a design's emitter follows from its part."""
+"""Parts: the shipped datasheets are valid, files are checked strictly, and a part defines a design's emitter."""
 
 import math
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from solen.errors import DataError, SpecError
 from solen.parts import EmitterPart, Light, ReceiverPart, library, library_part, light_of, load_part
-from solen.parts.light import FWHM_OF_SIGMA, gaussian_lines
+from solen.parts.light import FWHM_PER_SIGMA, gaussian_lines
 from solen.scene import PatternTable
 from solen.spec import Design, dumps, load, loads, save, with_values
 
@@ -42,30 +42,30 @@ def design(**emitter: object) -> Design:
     return Design(name="one", material={"index": 1.44}, emitter=emitter)
 
 
-def test_every_shipped_part_is_read_and_says_where_its_numbers_come_from() -> None:
-    own = {"TEMT7000X01", "TEMT7100X01", "VSMY1850"}
+def test_every_shipped_part_is_valid_and_names_its_document() -> None:
+    by_vishay = {"TEMT7000X01", "TEMT7100X01", "VSMY1850"}
     emitters = {"SFH4250", "generic-500", "generic-450"}
-    assert set(library()) == own | emitters | {"ATmega328P", "TC33X-2-202E", "USB-6218", "mcu-12bit"}
+    assert set(library()) == by_vishay | emitters | {"ATmega328P", "TC33X-2-202E", "USB-6218", "mcu-12bit"}
     for name in library():
         part = library_part(name)
         assert part.name == name
-        assert "Vishay document" in part.document or name not in own
+        assert "Vishay document" in part.document or name not in by_vishay
 
 
 def test_the_emitter_has_side_light() -> None:
-    """Half of the axial intensity at 60°, and 5.0 sr in all, 50 mW at 10 mW/sr, where a Lambertian has 3.14."""
+    """Half of the axial intensity at 60°, and 5.0 sr in total (50 mW at 10 mW/sr); a Lambertian emitter has 3.14 sr."""
     part = library_part("VSMY1850")
     assert isinstance(part, EmitterPart)
     pattern = PatternTable(part.pattern.angle_deg, part.pattern.relative)
     assert float(pattern.intensity(np.radians([60.0]))[0]) == pytest.approx(0.5, abs=1e-12)
     assert part.power_mw is not None
     assert part.intensity_mw_per_sr is not None
-    asked = part.power_mw.nominal / part.intensity_mw_per_sr.nominal
-    assert pattern.solid_angle_sr(math.pi) == pytest.approx(asked, abs=0.01)
+    solid_angle_sr = part.power_mw.nominal / part.intensity_mw_per_sr.nominal
+    assert pattern.solid_angle_sr(math.pi) == pytest.approx(solid_angle_sr, abs=0.01)
     assert (part.peak_nm.nominal, part.pattern.basis) == (850.0, "estimate")
 
 
-def test_the_receiver_spreads_by_three() -> None:
+def test_the_sensitivity_of_receivers_varies_by_a_factor_of_three() -> None:
     part = library_part("TEMT7100X01")
     assert isinstance(part, ReceiverPart)
     current = part.current_ua_per_mw_cm2
@@ -91,15 +91,15 @@ def test_the_receiver_spreads_by_three() -> None:
         ("[peak_nm]", "[peak]", "peak; unknown key"),
         ('basis = "measured"\nsource = "goniometer"', 'source = "goniometer"', "pattern.basis; missing"),
         ('basis = "measured"\nsource = "goniometer"', 'basis = "guess"\nsource = "x"', "pattern.basis = 'guess'"),
-        ("[0, 45, 90]", "[0, 45]", "pattern.relative = 3; must have as many values as angle_deg, 2"),
-        ("[0, 45, 90]", "[5, 45, 90]", "its angles must ascend from 0"),
-        ("[0, 45, 90]", "[0, 90, 45]", "its angles must ascend from 0"),
+        ("[0, 45, 90]", "[0, 45]", "pattern.relative; has 3 values, but must have as many as angle_deg, 2"),
+        ("[0, 45, 90]", "[5, 45, 90]", "angles must be in ascending order from 0"),
+        ("[0, 45, 90]", "[0, 90, 45]", "angles must be in ascending order from 0"),
         ("[1, 0.6, 0]", "[0, 0, 0]", "cannot all be 0"),
         ("[1, 0.6, 0]", "[1, -0.6, 0]", "must be at least 0"),
         ("schema = 1", "schema = 2", "written by a newer solen"),
     ],
 )
-def test_a_part_that_is_none_is_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_refuses_invalid_part_files(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert old in PART
     path = tmp_path / "mine.toml"
     path.write_text(PART.replace(old, new), encoding="utf-8")
@@ -111,7 +111,7 @@ def test_a_part_that_is_none_is_refused(old: str, new: str, words: str, tmp_path
     assert len(line.splitlines()) == 1
 
 
-def test_a_part_by_name_or_file(tmp_path: Path) -> None:
+def test_a_part_is_given_by_its_name_or_its_file(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="did you mean VSMY1850"):
         light_of(design(part="VSMY185"))
     with pytest.raises(DataError, match="is a receiver, not an emitter"):
@@ -125,7 +125,7 @@ def test_a_part_by_name_or_file(tmp_path: Path) -> None:
         light_of(design(part="mine.toml").in_folder(tmp_path / "elsewhere"))
 
 
-def test_what_the_design_states_overrules_the_part() -> None:
+def test_the_design_overrides_the_part() -> None:
     part = light_of(design(part="VSMY1850"))
     assert (part.wavelength_nm, part.cone_deg, part.width_mm, part.pattern) == (850.0, 360.0, 0.2, "table")
     assert len(part.spectrum) == 5
@@ -137,44 +137,44 @@ def test_what_the_design_states_overrules_the_part() -> None:
     assert own.spectrum == gaussian_lines(860.0, 20.0)
 
 
-def test_without_any_of_it_the_light_is_the_papers_fan() -> None:
+def test_the_default_light_is_the_fan_of_the_paper() -> None:
     assert light_of(design()) == Light(860.0)
     assert [light_of(design(pattern=name)).cone_deg for name in ("fan", "uniform", "lambertian")] == [120, 180, 180]
 
 
-def test_lines_of_a_gaussian_have_its_moments() -> None:
+def test_lines_of_a_gaussian_spectrum_have_its_moments() -> None:
     lines = np.array(gaussian_lines(850.0, 30.0))
-    weight, off = lines[:, 1], (lines[:, 0] - 850.0) / (30.0 / FWHM_OF_SIGMA)
-    moments = [float(weight @ off**k) for k in range(10)]
+    weight, offset = lines[:, 1], (lines[:, 0] - 850.0) / (30.0 / FWHM_PER_SIGMA)
+    moments = [float(weight @ offset**k) for k in range(10)]
     assert moments == pytest.approx([1, 0, 1, 0, 3, 0, 15, 0, 105, 0], abs=1e-9)
 
 
-def test_a_spectrum_sets_the_wavelength_unless_that_is_stated() -> None:
+def test_the_default_wavelength_is_the_mean_of_the_spectrum() -> None:
     lines = ((450.0, 1.0), (620.0, 3.0))
     assert light_of(design(spectrum=lines)).wavelength_nm == pytest.approx(577.5)
     assert light_of(design(spectrum=lines, wavelength_nm=500.0)).wavelength_nm == 500.0
 
 
-def test_a_pattern_may_lie_in_a_file(tmp_path: Path) -> None:
+def test_a_pattern_is_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "pattern.csv"
     path.write_text("# angle, intensity\n0, 1\n60; 0.5\n\n90\t0 # dark\n", encoding="utf-8")
-    made = design(pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
-    assert light_of(made).table == ((0.0, 1.0), (60.0, 0.5), (90.0, 0.0))
+    original = design(pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
+    assert light_of(original).table == ((0.0, 1.0), (60.0, 0.5), (90.0, 0.0))
     for text, words in (("0 1\n5 x\n", "line 2 = '5 x'"), ("0 1 2\n", "line 1"), ("5 1\n9 0\n", "ascend"), ("", "2")):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(DataError, match=words):
-            light_of(made)
+            light_of(original)
 
 
-def test_files_follow_the_design(tmp_path: Path) -> None:
-    """A design saved elsewhere names the same part, pattern and rays from there."""
-    made = design(part="parts/mine.toml", pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
+def test_a_design_saved_in_another_folder_keeps_its_files(tmp_path: Path) -> None:
+    """A design saved in another folder still refers to the same files."""
+    original = design(part="parts/mine.toml", pattern="table", pattern_file="pattern.csv").in_folder(tmp_path)
     (tmp_path / "below").mkdir()
-    saved = load(save(tmp_path / "below" / "a.toml", made))
+    saved = load(save(tmp_path / "below" / "a.toml", original))
     assert saved.emitter.part == "../parts/mine.toml"
     assert saved.emitter.pattern_file == "../pattern.csv"
     assert {key: path.resolve() for key, path in saved.files.items()} == {
-        key: path.resolve() for key, path in made.files.items()
+        key: path.resolve() for key, path in original.files.items()
     }
 
 
@@ -193,12 +193,12 @@ def test_files_follow_the_design(tmp_path: Path) -> None:
     ],
     ids=str,
 )
-def test_what_is_written_gives_the_same_light(emitter: dict[str, object]) -> None:
-    made = design(**emitter)
-    again = loads(dumps(made))
-    assert again == made
-    assert light_of(again) == light_of(made)
-    assert light_of(with_values(made, {"name": "two"})) == light_of(made)
+def test_a_design_that_is_written_and_read_has_the_same_light(emitter: dict[str, object]) -> None:
+    original = design(**emitter)
+    again = loads(dumps(original))
+    assert again == original
+    assert light_of(again) == light_of(original)
+    assert light_of(with_values(original, {"name": "two"})) == light_of(original)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_what_is_written_gives_the_same_light(emitter: dict[str, object]) -> Non
     [
         ({"pattern": "table"}, "emitter.pattern_table; missing"),
         ({"pattern_table": ((0.0, 1.0), (90.0, 0.0))}, 'does not apply with pattern = "fan"'),
-        ({"pattern": "table", "pattern_table": ((1.0, 1.0), (90.0, 0.0))}, "ascend from 0"),
+        ({"pattern": "table", "pattern_table": ((1.0, 1.0), (90.0, 0.0))}, "ascending order from 0"),
         ({"pattern": "table", "pattern_table": ((0.0, 1.0),)}, "at least 2 entries"),
         ({"pattern": "lambert"}, "emitter.pattern = 'lambert'; must be 'fan', 'uniform', 'lambertian' or 'table'"),
         ({"exponent": 2.0}, "emitter.exponent = 2.0; does not apply with pattern"),
@@ -221,14 +221,14 @@ def test_what_is_written_gives_the_same_light(emitter: dict[str, object]) -> Non
     ],
     ids=str,
 )
-def test_what_does_not_go_together_is_refused(emitter: dict[str, object], words: str) -> None:
+def test_refuses_contradictory_emitter_keys(emitter: dict[str, object], words: str) -> None:
     with pytest.raises(SpecError) as refusal:
         design(**emitter)
     assert words in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
 
 
-def test_ambient_light_is_stated_once() -> None:
+def test_refuses_ambient_light_given_twice() -> None:
     with pytest.raises(SpecError, match=r"irradiance_per_mm = 0\.1; cannot be combined with power"):
         Design(name="one", material={"index": 1.44}, ambient={"power": 1.0, "irradiance_per_mm": 0.1})
 
@@ -242,9 +242,7 @@ def test_ambient_light_is_stated_once() -> None:
         ("generic-450", 0.25, "estimate", 450.0),
     ],
 )
-def test_every_emitter_states_its_chip_and_what_that_rests_on(
-    name: str, chip_mm: float, basis: str, peak_nm: float
-) -> None:
+def test_every_emitter_has_a_chip_size_with_its_basis(name: str, chip_mm: float, basis: str, peak_nm: float) -> None:
     part = library_part(name)
     assert isinstance(part, EmitterPart)
     for side in (part.width_mm, part.height_mm):

@@ -1,4 +1,4 @@
-"""Printers: the shipped ones say what they rest on, files are checked strictly, a file of one's own serves as well."""
+"""Printers: the shipped files name the basis of their numbers, and files are checked strictly."""
 
 from pathlib import Path
 
@@ -39,8 +39,8 @@ def mine(tmp_path: Path) -> Path:
     return path
 
 
-def test_every_shipped_printer_is_read_and_says_what_is_not_confirmed() -> None:
-    """Those of a slicing program's profile have no estimate in them; the others are estimates and say so."""
+def test_every_shipped_printer_is_valid_and_names_its_estimates() -> None:
+    """Printers from a slicer's profile contain no estimates; the numbers of the others are marked as estimates."""
     profiles = 0
     for name in printers():
         printer = library_printer(name)
@@ -51,18 +51,18 @@ def test_every_shipped_printer_is_read_and_says_what_is_not_confirmed() -> None:
             assert printer.unconfirmed == ()
             assert {number.basis for number in numbers} == {"profile"}
             assert printer.mirror is not None
-            assert printer.layer_exposures is None, "nothing is proven"
+            assert printer.layer_exposures is None
         else:
             assert printer.unconfirmed == ("pixel pitch", "pixel counts", "build height")
         assert all(number.source for number in numbers)
         (rows, columns), (x, y) = printer.shape, printer.pitches_mm
         assert printer.size_mm[:2] == pytest.approx((columns * x, rows * y))
-        assert printer.layers_um[0] <= 25.0 <= 100.0 <= printer.layers_um[1], "the layers that solen is made for"
+        assert printer.layers_um[0] <= 25.0 <= 100.0 <= printer.layers_um[1], "usual layers must be possible"
     assert profiles >= 12
 
 
-def test_pixels_need_not_be_squares() -> None:
-    """14 by 19 µm, 15120 by 6230: a plate of 211.68 by 118.37 mm."""
+def test_pixels_need_not_be_square() -> None:
+    """15120 × 6230 pixels of 14 × 19 µm: a plate of 211.68 × 118.37 mm."""
     printer = library_printer("elegoo-saturn-4-ultra-16k")
     assert printer.pitches_mm == (0.014, 0.019)
     assert printer.size_mm == pytest.approx((211.68, 118.37, 220.0))
@@ -70,8 +70,8 @@ def test_pixels_need_not_be_squares() -> None:
     assert printer.pixel_text == "14 x 19"
 
 
-def test_the_quoted_plates_are_those_of_pitch_and_pixels() -> None:
-    """The size that is quoted for a model, in its notes, against pixels times pitch: to the digits quoted."""
+def test_the_quoted_plate_sizes_follow_from_pitch_and_pixels() -> None:
+    """The number of pixels times their pitch is the size quoted in the notes, to the quoted digits."""
     for name in printers():
         if name == "generic":
             continue
@@ -80,7 +80,7 @@ def test_the_quoted_plates_are_those_of_pitch_and_pixels() -> None:
         assert list(printer.size_mm) == pytest.approx(quoted, abs=0.5), name
 
 
-def test_a_file_of_ones_own(mine: Path) -> None:
+def test_a_printer_is_read_from_a_file(mine: Path) -> None:
     printer = load_printer(mine)
     assert printer.pitches_mm == (0.04725, 0.04725)
     assert printer.shape == (1440, 2560)
@@ -95,7 +95,7 @@ def test_a_file_of_ones_own(mine: Path) -> None:
     ("old", "new", "line"),
     [
         ("columns = 2560", "columns = 0", "pixels.columns = 0; must be at least 1"),
-        ("columns = 2560", "columns = 2560.5", "pixels.columns = 2560.5; must be a whole number"),
+        ("columns = 2560", "columns = 2560.5", "pixels.columns = 2560.5; must be an integer"),
         ("typical = 47.25", "typical = -1", "pitch_um.typical = -1; must be greater than 0"),
         ("typical = 47.25", "typical = nan", "pitch_um.typical = nan; must be a finite number"),
         ('basis = "datasheet"', 'basis = "guess"', "pixels.basis = 'guess'"),
@@ -104,14 +104,14 @@ def test_a_file_of_ones_own(mine: Path) -> None:
         ("rows = 1440", "rows = ", "not valid TOML"),
     ],
 )
-def test_a_bad_file_is_one_line(mine: Path, old: str, new: str, line: str) -> None:
+def test_refuses_invalid_printer_files(mine: Path, old: str, new: str, line: str) -> None:
     mine.write_text(MINE.replace(old, new), encoding="utf-8")
-    with pytest.raises(DataError) as bad:
+    with pytest.raises(DataError) as refusal:
         load_printer(mine)
-    assert line in str(bad.value)
+    assert line in str(refusal.value)
 
 
-def test_a_name_that_is_none() -> None:
+def test_refuses_unknown_printers() -> None:
     with pytest.raises(DataError, match=r"did you mean asiga-max-x27\?"):
         printer_of("asiga-max-27")
     with pytest.raises(DataError, match="no such file"):

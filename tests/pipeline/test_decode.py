@@ -352,8 +352,8 @@ def test_refuses_invalid_calibration_files(
     missing = refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
     assert "no such file" in missing
     assert "solen bench calibrate" in missing
-    assert "not JSON" in message(calibration.read_text(encoding="utf-8")[:500])
-    assert "not JSON: NaN is not a valid JSON number" in message('{"kind": "calibration", "schema": NaN}')
+    assert "not valid JSON" in message(calibration.read_text(encoding="utf-8")[:500])
+    assert "not valid JSON: NaN is not a valid JSON number" in message('{"kind": "calibration", "schema": NaN}')
     assert "is not the calibration of a sensor" in message('{"kind": "analysis"}')
     assert "is not the calibration of a sensor" in message("[1, 2]")
     assert "written by a newer solen" in message(json.dumps(data | {"schema": 2}))

@@ -213,7 +213,7 @@ def test_supply_above_every_range_selects_the_widest() -> None:
     ("values", "error", "message"),
     [
         ({"readout__adc_range_v": [-3.0, 3.0]}, SpecError, "range of USB-6218"),
-        ({"readout__adc_range_v": [3.0, -3.0]}, SpecError, "must run from low to high"),
+        ({"readout__adc_range_v": [3.0, -3.0]}, SpecError, "must be in ascending order"),
         ({"readout__part": "VSMY1850"}, DataError, "is of kind emitter, but a receiver"),
         ({"readout__adc": "TEMT7100X01"}, DataError, "is of kind receiver, but an adc"),
         ({"readout__emitter_part": "USB-6218"}, DataError, "is of kind adc, but an emitter"),

@@ -84,8 +84,8 @@ def test_the_design_in_the_results_reads_back(studied: Studies, name: str) -> No
 
 def test_the_design_in_the_results_leaves_the_loss_to_its_resin(studied: Studies) -> None:
     design = studied("acrylate").design
-    assert not design.material.states_absorption
-    assert not Design(**studied("acrylate").to_dict()["design"]).material.states_absorption
+    assert not design.material.sets_absorption
+    assert not Design(**studied("acrylate").to_dict()["design"]).material.sets_absorption
 
 
 @pytest.mark.parametrize("name", NAMES)

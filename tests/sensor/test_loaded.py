@@ -268,7 +268,7 @@ def test_functions_of_angles_refuse_a_depth() -> None:
     sensor = coarse(pressed(FORK + LENS))
     for call in (sensor.power, sensor.count, sensor.design.motion.angles_deg, lambda: design_readings(sensor)):
         with pytest.raises(
-            SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is not an angle, which this command needs"
+            SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is not an angle, which this command requires"
         ):
             call()
     with pytest.raises(SpecError, match=r"motion\.from_deg"):

@@ -292,11 +292,11 @@ def test_study_and_slopes_include_readings() -> None:
     [
         ("a.end + c.end", "c.end"),
         ("a.ends", "did you mean a.end"),
-        ("end / 2", "with emitters a, b and receivers end, side"),
+        ("end / 2", "emitters: a, b; receivers: end, side"),
         ("__import__('os')", "functions"),
         ("a.end.real", "a.end.real"),
         ("a.end > 0.1", "condition"),
-        ("1 + 2.5", "names no power"),
+        ("1 + 2.5", "must contain a power"),
         ("a.end -", "not an expression"),
         ("p_0 + a.end", "p_0"),
         ("a.end-2", "space"),

@@ -15,7 +15,7 @@ def design(**tables: Any) -> Design:
     return Design(**{"name": "test", "material": {"index": 1.44}} | tables)
 
 
-def told(**tables: Any) -> str:
+def error_line(**tables: Any) -> str:
     with pytest.raises(SpecError) as refusal:
         design(**tables)
     line = str(refusal.value)
@@ -23,7 +23,7 @@ def told(**tables: Any) -> str:
     return line
 
 
-def test_a_design_of_name_and_index_is_the_papers_sensor() -> None:
+def test_a_design_with_a_name_and_an_index_is_the_sensor_of_the_paper() -> None:
     paper = design()
     assert paper.material == Material(index=1.44, absorption_per_mm=0.0)
     assert paper.emitter == Emitter(
@@ -86,36 +86,36 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("table", "key", "value", "limit"), LIMITS)
-def test_a_number_beyond_its_limit_is_reported_with_value_and_limit(
+def test_a_number_outside_its_limits_is_reported_with_value_and_limit(
     table: str, key: str, value: float, limit: str
 ) -> None:
-    assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value}; must be {limit}")
+    assert error_line(**{table: {key: value}}).startswith(f"{table}.{key} = {value}; must be {limit}")
 
 
 NUMBERS = [
     (table, key)
     for table in ("emitter", "lens", "body", "motion")
     for key in Design.model_fields[table].annotation.model_fields  # type: ignore[union-attr]
-    if key.endswith(("_mm", "_nm", "_deg", "_index", "rays")) and key != "depths_mm"  # which is a list
+    if key.endswith(("_mm", "_nm", "_deg", "_index", "rays")) and key != "depths_mm"  # a list
 ]
 
 
 @pytest.mark.parametrize(("table", "key"), NUMBERS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "3", [3.0], 10**400])
-def test_what_is_no_finite_number_is_refused(table: str, key: str, value: object) -> None:
-    line = told(**{table: {key: value}})
+def test_numbers_must_be_finite(table: str, key: str, value: object) -> None:
+    line = error_line(**{table: {key: value}})
     assert line.startswith(f"{table}.{key} = ")
     assert "must be" in line
     assert len(line) < 200
 
 
-def test_enough_numbers_were_tried() -> None:
+def test_the_numbers_of_all_tables_are_tested() -> None:
     assert len(NUMBERS) >= 16
 
 
 @pytest.mark.parametrize("value", [1e6, 1.5])
-def test_rays_are_a_whole_number(value: float) -> None:
-    assert f"emitter.rays = {value}; must be a whole number" in told(emitter={"rays": value})
+def test_the_number_of_rays_is_an_integer(value: float) -> None:
+    assert f"emitter.rays = {value}; must be an integer" in error_line(emitter={"rays": value})
 
 
 @pytest.mark.parametrize(
@@ -130,73 +130,75 @@ def test_rays_are_a_whole_number(value: float) -> None:
     ],
 )
 def test_a_wrong_choice_is_reported_with_the_choices(table: str, key: str, value: str, choices: str) -> None:
-    assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value!r}; must be {choices}")
+    assert error_line(**{table: {key: value}}).startswith(f"{table}.{key} = {value!r}; must be {choices}")
 
 
-def test_material_gives_exactly_one_of_index_and_resin() -> None:
-    assert told(material={}).startswith("material; defines neither index nor resin; add")
-    both = told(material={"index": 1.4, "resin": "pmma"})
+def test_the_material_has_either_an_index_or_a_resin() -> None:
+    assert error_line(material={}).startswith("material; contains neither index nor resin; add")
+    both = error_line(material={"index": 1.4, "resin": "pmma"})
     assert both.startswith("material; ")
     assert "both index and resin" in both
 
 
-def test_a_table_alone_tells_its_dotted_key() -> None:
-    with pytest.raises(SpecError, match=r"^lens\.focus_mm = -1; must be at least 1e-06; the default is 20\.0$"):
+def test_an_error_in_a_single_table_names_the_dotted_key() -> None:
+    with pytest.raises(
+        SpecError, match=r"^lens\.focus_mm = -1; must be at least 1e-06; omit it for the default, 20\.0$"
+    ):
         Lens(focus_mm=-1)
 
 
-def test_a_gap_goes_with_an_air_gap_only() -> None:
+def test_a_gap_is_required_with_an_air_gap_and_only_then() -> None:
     assert Receivers(coupling="air-gap", gap_mm=0.5).gap_mm == 0.5
-    assert told(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; missing")
-    assert told(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; does not apply with coupling")
+    assert error_line(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; missing")
+    assert error_line(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; does not apply with coupling")
 
 
 @pytest.mark.parametrize("name", ["", " ", "two\nlines", 3])
-def test_a_name_is_one_line_of_text(name: object) -> None:
-    assert told(name=name).startswith(f"name = {name!r}; must be")
+def test_a_name_is_one_line(name: object) -> None:
+    assert error_line(name=name).startswith(f"name = {name!r}; must be")
 
 
 def test_the_first_problem_is_reported_and_the_others_are_counted() -> None:
-    assert "more problem" not in told(lens={"focus_mm": -1})
-    assert told(lens={"focus_mm": -1}, body={"kind": "x"}).endswith("and 1 more problem")
-    assert told(lens={"focus_mm": -1}, body={"kind": "x"}, trace={"mode": 2}).endswith("and 2 more problems")
+    assert "more problem" not in error_line(lens={"focus_mm": -1})
+    assert error_line(lens={"focus_mm": -1}, body={"kind": "x"}).endswith("and 1 more problem")
+    assert error_line(lens={"focus_mm": -1}, body={"kind": "x"}, trace={"mode": 2}).endswith("and 2 more problems")
 
 
-def test_a_long_value_is_cut_in_its_line() -> None:
-    line = told(lens={"shape": "x" * 1000})
+def test_a_long_value_is_shortened_in_the_message() -> None:
+    line = error_line(emitter={"pattern": "x" * 1000})
     assert "xxx..." in line
     assert len(line) < 200
 
 
 @pytest.mark.parametrize("pivot", ["stem-base", "emitter", (1.5, -2.0)])
-def test_a_pivot_is_a_place_or_a_point(pivot: Any) -> None:
+def test_a_pivot_is_a_name_or_a_point(pivot: Any) -> None:
     assert Motion(pivot=list(pivot) if isinstance(pivot, tuple) else pivot).pivot == pivot
 
 
 @pytest.mark.parametrize("pivot", ["stem", [1.0], [1, 2, 3], [1, math.nan], [1, True], ["1", 2], 3])
-def test_another_pivot_is_refused(pivot: object) -> None:
-    line = told(motion={"pivot": pivot})
+def test_refuses_invalid_pivots(pivot: object) -> None:
+    line = error_line(motion={"pivot": pivot})
     assert line.startswith(f'motion.pivot = {pivot!r}; must be "stem-base", "emitter" or [x_mm, z_mm]')
 
 
 @pytest.mark.parametrize("moves", [["lens", "emitter"], ["emitter", "lens"]])
-def test_moves_have_no_order(moves: Any) -> None:
+def test_the_order_of_moves_is_irrelevant(moves: Any) -> None:
     assert Motion(moves=moves).moves == ("lens", "emitter")
     assert Motion(moves=["emitter"]).moves == ("emitter",)
     assert Motion(moves=["receivers", "lens"]).moves == ("lens", "receivers")
 
 
 @pytest.mark.parametrize("moves", [[], ["emitter", "emitter"], "emitter", ["body", "emitter"], 3])
-def test_other_moves_are_refused(moves: object) -> None:
-    assert told(motion={"moves": moves}).startswith(f"motion.moves = {moves!r}; must be a list of")
+def test_refuses_invalid_moves(moves: object) -> None:
+    assert error_line(motion={"moves": moves}).startswith(f"motion.moves = {moves!r}; must be a list of")
 
 
-def test_receivers_move_behind_a_gap_only_and_a_y_has_no_mirrors() -> None:
+def test_receivers_move_only_behind_a_gap_and_a_y_has_no_mirrors() -> None:
     gap = {"coupling": "air-gap", "gap_mm": 0.5}
     assert design(motion={"moves": ["receivers"]}, receivers=gap).motion.moves == ("receivers",)
-    line = told(motion={"moves": ["receivers"]})
-    assert line.startswith("motion.moves = ['receivers']; receivers on the arm ends cannot turn")
-    assert told(motion={"moves": ["mirrors"]}).startswith("motion.moves = ['mirrors']; a Y has no mirrors")
+    line = error_line(motion={"moves": ["receivers"]})
+    assert line.startswith("motion.moves = ['receivers']; cannot include receivers that are attached to the arms")
+    assert error_line(motion={"moves": ["mirrors"]}).startswith("motion.moves = ['mirrors']; cannot include mirrors")
 
 
 BEND = {"kind": "bend"}
@@ -214,8 +216,11 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
         ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); does not apply with body.kind"),
         ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),
         ({"motion": BEND | {"centre_line": [[0, 0], [0, 1]]}}, "motion.centre_line = [[0, 0], [0, 1]]; must be"),
-        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: the bend of an outline needs it"),
-        ({"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN}, "motion.bend_mm = [5.0, 0.0]; must run from low"),
+        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: required for the bend of an outline"),
+        (
+            {"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN},
+            "motion.bend_mm = [5.0, 0.0]; must be in ascending order",
+        ),
         ({"body": {"kind": "outline"}}, "body.file; missing"),
         ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; does not apply with body.kind = "),
         ({"body": {"units": "mm"}}, "body.units = 'mm'; does not apply"),
@@ -226,14 +231,14 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
             {"trace": {"dimension": "plane"}},
             "trace.dimension = 'plane'; must be '2d' (in the plane) or 'extruded' (in space)",
         ),
-        ({"trace": {"dimension": "extruded"}}, "trace.dimension = 'extruded'; needs light out of the plane"),
+        ({"trace": {"dimension": "extruded"}}, "trace.dimension = 'extruded'; requires light out of the plane"),
         ({"trace": {"dimension": "extruded"}, "emitter": {"part": "VSMY1850", "pattern": "fan"}}, "trace.dimension"),
         ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; does not apply with body.kind"),
         ({"emitter": {"point_mm": [0.0]}}, "emitter.point_mm = [0.0]; must be [x_mm, z_mm]"),
     ],
 )
-def test_keys_that_do_not_fit_one_another_are_refused(tables: dict[str, Any], start: str) -> None:
-    line = told(**tables)
+def test_refuses_contradictory_keys(tables: dict[str, Any], start: str) -> None:
+    line = error_line(**tables)
     assert line.startswith(start), line
 
 
@@ -244,21 +249,21 @@ def test_light_out_of_the_plane_may_be_traced_in_space(emitter: dict[str, Any]) 
     assert design(trace={"dimension": "extruded"}, emitter=emitter).trace.dimension == "extruded"
 
 
-def test_of_an_outline_the_emitter_moves_unless_set_otherwise() -> None:
+def test_only_the_emitter_of_an_outline_moves_by_default() -> None:
     assert design(body=DRAWN).motion.moves == ("emitter",)
     assert design(body=DRAWN, motion={"moves": ["lens", "mirrors"]}).motion.moves == ("lens", "mirrors")
     assert design(body=DRAWN, motion=BEND | {"bend_mm": [0, 5]}).motion.bend_mm == (0.0, 5.0)
 
 
 @pytest.mark.parametrize(("start", "end"), [(3.0, -3.0), (1.0, 1.0)])
-def test_a_sweep_ascends(start: float, end: float) -> None:
-    line = told(motion={"from_deg": start, "to_deg": end})
+def test_the_first_angle_of_a_sweep_is_less_than_the_last(start: float, end: float) -> None:
+    line = error_line(motion={"from_deg": start, "to_deg": end})
     assert line.startswith(f"motion.from_deg = {start}; must be less than motion.to_deg = {end}")
 
 
 @pytest.mark.parametrize("step", [5.9e-5, 1e-9, 5e-324])
 def test_a_sweep_has_at_most_a_hundred_thousand_steps(step: float) -> None:
-    assert told(motion={"step_deg": step}).startswith(f"motion.step_deg = {step}; at most 100,000 steps")
+    assert error_line(motion={"step_deg": step}).startswith(f"motion.step_deg = {step}; makes more than 100,000 steps")
     assert len(Motion(step_deg=6e-5).angles_deg()) == 100_001
 
 
@@ -266,26 +271,24 @@ def test_the_default_angles_are_exact() -> None:
     assert Motion().angles_deg() == tuple(i / 4 for i in range(-12, 13))
 
 
-def test_angles_carry_no_accumulated_error() -> None:
+def test_angles_have_no_accumulated_error() -> None:
     assert Motion(from_deg=-0.3, to_deg=0.3, step_deg=0.1).angles_deg() == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
     assert math.copysign(1, Motion(from_deg=-0.3, to_deg=0.3, step_deg=0.1).angles_deg()[3]) == 1
 
 
-def test_a_step_rounded_by_its_writer_still_meets_zero_and_the_end() -> None:
+def test_a_rounded_step_still_reaches_zero_and_the_last_angle() -> None:
     angles = Motion(from_deg=-5.0, to_deg=5.0, step_deg=5 / 6).angles_deg()
     assert len(angles) == 13
     assert (angles[0], angles[6], angles[-1]) == (-5.0, 0.0, 5.0)
 
 
-def test_a_step_that_misses_the_end_stops_before_it() -> None:
+def test_a_sweep_ends_before_a_last_angle_that_no_step_reaches() -> None:
     assert Motion(from_deg=0, to_deg=1, step_deg=0.4).angles_deg() == (0.0, 0.4, 0.8)
     assert Motion(from_deg=0, to_deg=1, step_deg=3).angles_deg() == (0.0,)
 
 
 @given(st.floats(-89, 0, allow_subnormal=False), st.floats(0.01, 89), st.integers(1, 300), st.floats(0, 0.9))
-def test_angles_start_at_from_ascend_evenly_and_never_pass_to(
-    start: float, end: float, steps: int, part: float
-) -> None:
+def test_angles_are_evenly_spaced_and_within_the_range(start: float, end: float, steps: int, part: float) -> None:
     step = (end - start) / (steps + part)
     angles = Motion(from_deg=start, to_deg=end, step_deg=step).angles_deg()
     assert len(angles) == steps + 1
@@ -295,14 +298,14 @@ def test_angles_start_at_from_ascend_evenly_and_never_pass_to(
 
 
 @pytest.mark.parametrize("resin", ["mine.toml", "resins/mine", "resins\\mine"])
-def test_a_resin_with_a_path_is_a_file(resin: str, tmp_path: Any) -> None:
+def test_a_resin_given_by_a_path_is_a_file(resin: str, tmp_path: Any) -> None:
     by_file = design(material={"resin": resin}).in_folder(tmp_path)
     assert by_file.resin_file == tmp_path / resin
     assert by_file.material.resin == resin
     assert by_file != by_file.in_folder(tmp_path / "elsewhere")
 
 
-def test_a_resin_without_a_path_is_in_the_library(tmp_path: Any) -> None:
+def test_a_resin_given_by_a_name_is_in_the_library(tmp_path: Any) -> None:
     by_name = design(material={"resin": "pmma"})
     assert by_name.resin_file is None
     assert design().resin_file is None

@@ -1,4 +1,4 @@
-"""A design file with values changed: comments and layout stay, and it reads back as the changed design."""
+"""Edits of a design file keep its comments and layout, and the file reads back as the changed design."""
 
 from typing import Any
 
@@ -31,27 +31,27 @@ outside = "skin"
         {"name": "another"},
     ],
 )
-def test_values_are_changed_and_comments_stay(values: dict[str, Any]) -> None:
+def test_edits_keep_comments(values: dict[str, Any]) -> None:
     text = template("solen-860")
-    made = edited(text, values)
-    assert loads(made) == with_values(loads(text), values)
-    lines = set(made.splitlines())
-    gone = [line for line in text.splitlines() if line not in lines]
-    assert len(gone) <= len(values) + 1, "nothing else is touched"
-    assert all(line.strip()[:1] in lines or not line.startswith("#") for line in gone), "no comment is lost"
+    result = edited(text, values)
+    assert loads(result) == with_values(loads(text), values)
+    lines = set(result.splitlines())
+    changed = [line for line in text.splitlines() if line not in lines]
+    assert len(changed) <= len(values) + 1
+    assert not any(line.startswith("#") for line in changed), "no comment is lost"
 
 
-def test_tables_and_lists_are_reached() -> None:
-    made = edited(SHORT, {"wall[0].index": 1.41, "lens.focus_mm": 19.0, "material.index": 1.45})
-    assert "index=1.45   # of batch 7" in made
-    assert "index = 1.41" in made
-    assert loads(made).lens.focus_mm == 19.0
+def test_edits_entries_of_tables_and_lists() -> None:
+    result = edited(SHORT, {"wall[0].index": 1.41, "lens.focus_mm": 19.0, "material.index": 1.45})
+    assert "index=1.45   # of batch 7" in result
+    assert "index = 1.41" in result
+    assert loads(result).lens.focus_mm == 19.0
     spline = f'{SHORT}\n[lens]\nshape = "spline"\nknots_um = [0.0, -5.0, 0.0]  # edge last\n'
     knots = edited(spline, {"lens.knots_um[1]": -7.5})
     assert "knots_um = [0.0, -7.5, 0.0]  # edge last" in knots
 
 
-def test_what_is_no_design_is_refused() -> None:
+def test_refuses_edits_to_an_invalid_design() -> None:
     with pytest.raises(SpecError, match="focus_mm"):
         edited(SHORT, {"lens.focus_mm": -1.0})
     with pytest.raises(SpecError, match="nonsense"):

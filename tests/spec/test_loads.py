@@ -1,4 +1,4 @@
-"""What holds and loads a soft body: several tables, what each needs, and what is refused in one line."""
+"""Supports and loads of a soft body: their tables, the keys that each requires, and the errors."""
 
 import pytest
 
@@ -13,7 +13,7 @@ TURNED = '[motion]\nkind = "loaded"\ndrives = "clamp.angle_deg"\n'
 PRESSED = '[motion]\nkind = "loaded"\ndrives = "finger.depth_mm"\ndepths_mm = [0, 0.25, 0.5]\n'
 
 
-def refusal(text: str) -> str:
+def error_line(text: str) -> str:
     with pytest.raises(SpecError) as caught:
         loads(HEAD + text)
     line = str(caught.value)
@@ -21,7 +21,7 @@ def refusal(text: str) -> str:
     return line
 
 
-def test_a_loaded_design_is_read_and_written_back_equal() -> None:
+def test_a_loaded_design_is_unchanged_by_writing_and_reading() -> None:
     design = loads(HEAD + TURNED + HOLD + CLAMP)
     assert loads(dumps(design)) == design
     assert design.motion.values() == design.motion.angles_deg()
@@ -31,7 +31,7 @@ def test_a_loaded_design_is_read_and_written_back_equal() -> None:
     assert (pressed.motion.values(), pressed.motion.unit) == ((0.0, 0.25, 0.5), "mm")
 
 
-def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
+def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
     design = loads(HEAD + TURNED + HOLD + CLAMP)
     moved = with_values(design, {"hold[0].from_mm": 12.2, "mechanics.modulus_MPa": 2.0})
     assert (moved.hold[0].from_mm, moved.hold[1], moved.mechanics.modulus_MPa) == (12.2, design.hold[1], 2.0)
@@ -44,29 +44,29 @@ def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "what", "says"),
+    ("text", "problem", "remedy"),
     [
-        (TURNED, "hold; missing: no support is assumed", '"receiver-*"'),
+        (TURNED, "hold; missing: there is no default", '"receiver-*"'),
         (HOLD, "hold; does not apply with motion.kind = ", "loaded"),
         ("[mechanics]\npoisson = 0.49\n", "mechanics; does not apply with motion.kind = ", "loaded"),
-        ('[motion]\ndrives = "a.angle_deg"\n', "motion.drives = 'a.angle_deg'; does not apply", "leave it out"),
+        ('[motion]\ndrives = "a.angle_deg"\n', "motion.drives = 'a.angle_deg'; does not apply", "omit it"),
         ("[motion]\nkind = 'loaded'\n" + HOLD, "motion.drives; missing", "add a [[press]]"),
-        (TURNED + HOLD, "motion.drives = 'clamp.angle_deg'; is not a quantity", "none"),
-        (TURNED + HOLD + CLAMP + "angle_deg = 1\n", "hold[1].angle_deg = 1.0; does not apply with", "leave it out"),
-        (TURNED + "pivot = 'emitter'\n" + HOLD + CLAMP, "motion.pivot = 'emitter'; does not apply", "leave it out"),
-        (TURNED + "moves = ['lens']\n" + HOLD + CLAMP, "motion.moves = ['lens']; does not apply", "carried along"),
-        (TURNED + "depths_mm = [1]\n" + HOLD + CLAMP, "motion.depths_mm = (1.0,); does not apply", "leave it out"),
-        (PRESSED + HOLD + FINGER + "depth_mm = 1\n", "press[0].depth_mm = 1.0; does not apply with", "leave it out"),
-        (PRESSED + "from_deg = -1\n" + HOLD + FINGER, "motion.from_deg = -1.0; does not apply", "leave it out"),
+        (TURNED + HOLD, "motion.drives = 'clamp.angle_deg'; is not a quantity", "add a [[press]]"),
+        (TURNED + HOLD + CLAMP + "angle_deg = 1\n", "hold[1].angle_deg = 1.0; does not apply with", "omit it"),
+        (TURNED + "pivot = 'emitter'\n" + HOLD + CLAMP, "motion.pivot = 'emitter'; does not apply", "omit it"),
+        (TURNED + "moves = ['lens']\n" + HOLD + CLAMP, "motion.moves = ['lens']; does not apply", "always move along"),
+        (TURNED + "depths_mm = [1]\n" + HOLD + CLAMP, "motion.depths_mm = (1.0,); does not apply", "omit it"),
+        (PRESSED + HOLD + FINGER + "depth_mm = 1\n", "press[0].depth_mm = 1.0; does not apply with", "omit it"),
+        (PRESSED + "from_deg = -1\n" + HOLD + FINGER, "motion.from_deg = -1.0; does not apply", "omit it"),
         (PRESSED.replace("depths", "sdepths") + HOLD + FINGER, "motion.sdepths_mm; unknown key", "depths_mm"),
         (PRESSED.replace("[0, 0.25", "[0, 0"), "motion.depths_mm = ", "must be a list of numbers in ascending order"),
         (PRESSED.replace("[0, 0.25", "[-1, 0"), "hold; missing", "add"),
-        (PRESSED.replace("[0, 0.25", "[-1, 0") + HOLD + FINGER, "motion.depths_mm = ", "must begin at 0 or more"),
-        (TURNED + HOLD + CLAMP + FINGER, "press[0].depth_mm; missing: neither stated nor driven", "add"),
+        (PRESSED.replace("[0, 0.25", "[-1, 0") + HOLD + FINGER, "motion.depths_mm = ", "must be at least 0"),
+        (TURNED + HOLD + CLAMP + FINGER, "press[0].depth_mm; missing: required unless motion.drives drives it", "add"),
         (
             TURNED + HOLD + CLAMP + FINGER + "depth_mm = 1\nforce_N = 1\n",
             "press[0].force_N = 1.0; does not apply with depth_mm",
-            "leave",
+            "omit",
         ),
         (
             PRESSED + HOLD + FINGER + "absorption_per_mm = 1\n",
@@ -93,10 +93,10 @@ def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
         (TURNED + HOLD + CLAMP + "[mechanics]\npoisson = 0.3\n", "mechanics.poisson = 0.3; must be at least 0.4", ""),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(text: str, what: str, says: str) -> None:
-    line = refusal(text)
-    assert what in line
-    assert says in line
+def test_refuses_contradictory_tables_and_names_the_key(text: str, problem: str, remedy: str) -> None:
+    line = error_line(text)
+    assert problem in line
+    assert remedy in line
 
 
 def test_the_shipped_example_is_driven_by_force() -> None:

@@ -1,4 +1,4 @@
-"""The shipped designs: the commented one shows every key with its default, and the JSON Schema accepts them all."""
+"""The shipped designs: the template shows every key with its default, and the JSON Schema accepts all of them."""
 
 import re
 import tomllib
@@ -24,20 +24,20 @@ TYPES: dict[str, tuple[type, ...]] = {
 
 
 def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
-    """Whether the part of JSON Schema that the design file's schema uses accepts a value."""
+    """Return whether a schema accepts a value; only the keywords that the schema of the design file uses are known."""
     if "$ref" in schema:
         return accepts(root["$defs"][schema["$ref"].rpartition("/")[2]], value, root)
     if "anyOf" in schema:
-        return any(accepts(one, value, root) for one in schema["anyOf"])
+        return any(accepts(option, value, root) for option in schema["anyOf"])
     if not isinstance(value, TYPES[schema["type"]]) or ("const" in schema and value != schema["const"]):
         return False
     if "enum" in schema and value not in schema["enum"]:
         return False
     if isinstance(value, list):
-        return "items" not in schema or all(accepts(schema["items"], one, root) for one in value)
+        return "items" not in schema or all(accepts(schema["items"], item, root) for item in value)
     if isinstance(value, dict):
         known = schema["properties"]
-        one_of = sum(set(one["required"]) <= set(value) for one in schema.get("oneOf", [])) == 1
+        one_of = sum(set(option["required"]) <= set(value) for option in schema.get("oneOf", [])) == 1
         return (
             set(schema.get("required", [])) <= set(value) <= set(known)
             and (one_of or "oneOf" not in schema)
@@ -50,7 +50,7 @@ def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
     )
 
 
-def test_without_what_is_starred_the_template_is_the_papers_sensor() -> None:
+def test_the_template_without_starred_lines_is_the_sensor_of_the_paper() -> None:
     plain = "\n".join(line for line in template().splitlines() if "(*)" not in line)
     paper = Design(name="SOLen 860 nm", material=Material(index=1.44))
     assert loads(plain) == paper
@@ -58,7 +58,7 @@ def test_without_what_is_starred_the_template_is_the_papers_sensor() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in template_names() if not name.startswith("paper")])
-def test_what_is_shipped_is_an_led_with_its_chip_in_space(name: str) -> None:
+def test_shipped_designs_have_an_led_chip_in_space(name: str) -> None:
     design = loads(template(name))
     light = light_of(design)
     assert design.trace.dimension == "extruded"
@@ -77,21 +77,21 @@ def test_the_template_shows_every_key_with_its_default(table: str) -> None:
     assert isinstance(model, type)
     assert issubclass(model, Strict)
     section = re.split(r"(?m)^\[", template().partition(f"\n[{table}]")[2])[0]
-    stated = tomllib.loads(template())[table]
+    values = tomllib.loads(template())[table]
     for key, field in model.model_fields.items():
         line = re.search(rf"(?m)^(# )?{key} = (.+)$", section)
         assert line, key
         if "(*)" in line[2]:
-            told = "none" if field.default is None else str(field.default)
-            assert re.search(rf'default: "?{re.escape(told)}', line[2]), key
-        elif (table == "emitter" and key in DEFERRED) or key == "absorption_per_mm":  # a resin or a part says otherwise
+            shown = "none" if field.default is None else str(field.default)
+            assert re.search(rf'default: "?{re.escape(shown)}', line[2]), key
+        elif (table == "emitter" and key in DEFERRED) or key == "absorption_per_mm":  # a resin or a part may set it
             assert line[1] or key == "wavelength_nm", key
             assert tomllib.loads(f"x = {line[2]}")["x"] == field.default, key
         elif field.default is None:
             assert line[1] or key == "index", key
         else:
             default = list(field.default) if isinstance(field.default, tuple) else field.default
-            assert stated[key] == default, key
+            assert values[key] == default, key
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_the_examples_load(name: str, index: float | None, wavelength_nm: float)
 
 
 @pytest.mark.parametrize("table", LISTS)
-def test_the_template_shows_tables_of_which_there_may_be_several(table: str) -> None:
+def test_the_template_shows_the_tables_of_each_list(table: str) -> None:
     shown = template().partition(f"# [[{table}]]")[2].partition("\n\n")[0]
     kind = get_args(Design.model_fields[table].annotation)[0]
     assert set(re.findall(r"(?m)^# (\w+) = ", shown)) <= set(kind.model_fields)
@@ -134,7 +134,7 @@ def test_the_examples_are_listed() -> None:
     )
 
 
-def test_an_unknown_example_is_reported_with_the_nearest() -> None:
+def test_an_unknown_example_is_reported_with_the_nearest_name() -> None:
     with pytest.raises(SpecError, match=r"^example = 'solen-850'; must be one of .*; did you mean solen-8?[56]0\?$"):
         template("solen-850")
 
@@ -157,7 +157,7 @@ def test_the_json_schema_accepts_the_examples(name: str) -> None:
         ('"emitter"]', '"stem"]'),
     ],
 )
-def test_the_json_schema_refuses_what_the_file_door_refuses(right: str, wrong: str) -> None:
+def test_the_json_schema_and_loads_refuse_the_same_errors(right: str, wrong: str) -> None:
     text = template().replace(right, wrong, 1)
     schema = json_schema()
     assert not accepts(schema, tomllib.loads(text), schema)

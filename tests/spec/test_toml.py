@@ -1,4 +1,4 @@
-"""The design file: unknown keys, schemas and bad TOML refused in one line; what is written reads back the same."""
+"""The design file: one-line errors for unknown keys, schemas and invalid TOML; writing and reading change nothing."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import solen.spec.toml as door
+import solen.spec.toml as design_file
 from solen.errors import OutputError, SpecError
 from solen.spec import Design, dumps, json_schema, load, loads, parse_assignment, save, template, with_values
 from solen.spec.strict import migrated, nearest
@@ -15,7 +15,7 @@ from solen.spec.strict import migrated, nearest
 HEAD = 'schema = 1\nname = "test"\n[material]\nindex = 1.44\n'
 
 
-def told(text: str) -> str:
+def error_line(text: str) -> str:
     with pytest.raises(SpecError) as refusal:
         loads(text, what="sensor.toml")
     line = str(refusal.value)
@@ -36,13 +36,13 @@ def told(text: str) -> str:
         ("[body]\nkind = 'x'\nthick_mm = 3", "body.thick_mm; unknown key; did you mean body.thickness_mm?; and 1 more"),
     ],
 )
-def test_an_unknown_key_is_reported_with_the_nearest_right_name(text: str, line: str) -> None:
-    assert told(HEAD + text).startswith(line)
+def test_an_unknown_key_is_reported_with_the_nearest_known_key(text: str, line: str) -> None:
+    assert error_line(HEAD + text).startswith(line)
 
 
-def test_an_unknown_key_explains_the_missing_one() -> None:
+def test_an_unknown_key_is_reported_before_a_missing_one() -> None:
     text = 'schema = 1\nnames = "x"\n[material]\nindex = 1.44'
-    assert told(text) == "names; unknown key; did you mean name?; and 1 more problem"
+    assert error_line(text) == "names; unknown key; did you mean name?; and 1 more problem"
 
 
 RESERVED = {
@@ -55,18 +55,18 @@ RESERVED = {
 
 @pytest.mark.parametrize(("table", "key"), [(table, key) for table, keys in RESERVED.items() for key in keys])
 def test_a_reserved_key_is_not_yet_supported(table: str, key: str) -> None:
-    assert told(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; not yet supported")
+    assert error_line(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; not yet supported")
 
 
 @pytest.mark.parametrize("name", ["emitters", "lenses", "receivers", "emitter", "lens", "motion"])
-def test_several_parts_are_those_of_a_network(name: str) -> None:
-    line = told(f"{HEAD}[[{name}]]\n[[{name}]]\n")
+def test_lists_of_parts_belong_to_the_network_table(name: str) -> None:
+    line = error_line(f"{HEAD}[[{name}]]\n[[{name}]]\n")
     assert line.startswith(f"{name}; ")
     assert f"network.{name}" in line
 
 
 def test_a_value_where_a_table_belongs_is_refused() -> None:
-    assert told('schema = 1\nname = "x"\nlens = 3\nmaterial = {index = 1.44}').startswith(
+    assert error_line('schema = 1\nname = "x"\nlens = 3\nmaterial = {index = 1.44}').startswith(
         "lens = 3; must be a table; write [lens]"
     )
 
@@ -79,24 +79,24 @@ def test_a_value_where_a_table_belongs_is_refused() -> None:
         ('name = "x"\n[material]\nindex = 1.44', "; schema is missing; add the line schema = 1"),
     ],
 )
-def test_what_a_file_must_state_is_reported(text: str, line: str) -> None:
-    assert told(text).startswith(line)
+def test_missing_keys_are_reported(text: str, line: str) -> None:
+    assert error_line(text).startswith(line)
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "true", "1.0", "'1'"])
-def test_a_schema_that_is_no_version_is_refused(value: str) -> None:
-    assert "must be a whole number, at least 1" in told(HEAD.replace("schema = 1", f"schema = {value}"))
+def test_refuses_an_invalid_schema_version(value: str) -> None:
+    assert "must be an integer, at least 1" in error_line(HEAD.replace("schema = 1", f"schema = {value}"))
 
 
-def test_a_newer_schema_says_to_update() -> None:
-    line = told(HEAD.replace("schema = 1", "schema = 7"))
+def test_a_newer_schema_requires_an_update() -> None:
+    line = error_line(HEAD.replace("schema = 1", "schema = 7"))
     assert line == "schema = 7; was written by a newer solen; this version reads schema 1 and older; update solen"
 
 
 def test_an_old_file_is_migrated_version_by_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(door, "SCHEMA", 3)
+    monkeypatch.setattr(design_file, "SCHEMA", 3)
     monkeypatch.setattr(
-        door,
+        design_file,
         "MIGRATIONS",
         {
             1: lambda data: {"name": data["title"], **data},
@@ -106,10 +106,10 @@ def test_an_old_file_is_migrated_version_by_version(monkeypatch: pytest.MonkeyPa
     old = HEAD.replace("name =", "title =")
     assert loads(old).name == "test"
     assert dumps(loads(old)).startswith("schema = 3\n")
-    assert "unknown key" in told(old.replace("schema = 1", "schema = 3"))
+    assert "unknown key" in error_line(old.replace("schema = 1", "schema = 3"))
 
 
-def test_migration_leaves_what_it_was_given() -> None:
+def test_migration_does_not_change_its_argument() -> None:
     data = {"schema": 1, "a": 1}
     steps = {1: lambda tables: {**tables, "b": 2}}
     assert migrated(data, "f", current=2, migrations=steps, error=SpecError) == {"a": 1, "b": 2}
@@ -117,7 +117,7 @@ def test_migration_leaves_what_it_was_given() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "where"),
+    ("text", "position"),
     [
         ("schema = 1\nname = ", "line 2"),
         ("a = 1\na = 2", "line 2"),
@@ -125,13 +125,13 @@ def test_migration_leaves_what_it_was_given() -> None:
         ("a = " + "9" * 5000, ""),
     ],
 )
-def test_bad_toml_is_reported_with_its_place(text: str, where: str) -> None:
-    line = told(text)
+def test_invalid_toml_is_reported_with_its_line(text: str, position: str) -> None:
+    line = error_line(text)
     assert "not valid TOML" in line
-    assert where in line
+    assert position in line
 
 
-def test_a_file_is_read_and_its_folder_known(tmp_path: Path) -> None:
+def test_relative_paths_are_based_on_the_folder_of_the_file(tmp_path: Path) -> None:
     file = tmp_path / "sensor.toml"
     file.write_text("\ufeff" + HEAD.replace("index = 1.44", 'resin = "resins/mine.toml"'), encoding="utf-8")
     design = load(str(file))
@@ -198,21 +198,21 @@ DESIGNS: st.SearchStrategy[dict[str, Any]] = st.fixed_dictionaries(
 
 
 @given(DESIGNS)
-def test_what_is_written_reads_back_the_same(tables: dict[str, Any]) -> None:
+def test_writing_and_reading_change_nothing(tables: dict[str, Any]) -> None:
     design = Design(**tables)
     again = loads(dumps(design))
     assert again == design
     assert dumps(again) == dumps(design)
 
 
-@pytest.mark.parametrize("stated", [True, False])
-def test_a_stated_absorption_of_zero_beside_a_resin_is_kept(stated: bool) -> None:
-    line = "absorption_per_mm = 0.0" if stated else ""
+@pytest.mark.parametrize("is_set", [True, False])
+def test_an_absorption_of_zero_set_with_a_resin_is_kept(is_set: bool) -> None:
+    line = "absorption_per_mm = 0.0" if is_set else ""
     design = loads(HEAD.replace("index = 1.44", f'resin = "pmma"\n{line}'))
-    assert loads(dumps(design)).material.states_absorption is stated
+    assert loads(dumps(design)).material.sets_absorption is is_set
 
 
-def test_a_saved_design_is_the_same_and_names_the_same_resin_file(tmp_path: Path) -> None:
+def test_a_saved_design_refers_to_the_same_resin_file(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     design = loads(HEAD.replace("index = 1.44", 'resin = "mine.toml"'), folder=tmp_path)
     assert load(save(tmp_path / "same.toml", design)) == design
@@ -222,7 +222,7 @@ def test_a_saved_design_is_the_same_and_names_the_same_resin_file(tmp_path: Path
     assert moved.resin_file.resolve() == (tmp_path / "mine.toml").resolve()
 
 
-def test_saving_where_nothing_can_be_written_is_reported(tmp_path: Path) -> None:
+def test_a_failed_write_is_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save(tmp_path / "missing" / "sensor.toml", loads(HEAD))
 
@@ -235,7 +235,7 @@ def test_values_are_set_by_dotted_keys() -> None:
     assert with_values(changed, {"lens": {"design_index": 1.5}}).lens.focus_mm == 20.0
 
 
-def test_none_returns_an_optional_key_to_its_default() -> None:
+def test_none_resets_an_optional_key_to_its_default() -> None:
     design = loads(HEAD + "[receivers]\ncoupling = 'air-gap'\ngap_mm = 1")
     assert with_values(design, {"receivers.coupling": "matched", "receivers.gap_mm": None}) == loads(HEAD)
 
@@ -270,7 +270,7 @@ def test_depths_and_forces_of_a_motion_replace_each_other() -> None:
         ("", 1, "; unknown key"),
     ],
 )
-def test_setting_what_cannot_be_set_is_refused(key: str, value: object, line: str) -> None:
+def test_refuses_invalid_assignments_by_key(key: str, value: object, line: str) -> None:
     with pytest.raises(SpecError) as refusal:
         with_values(loads(HEAD), {key: value})
     assert str(refusal.value).startswith(line)
@@ -291,17 +291,17 @@ def test_setting_what_cannot_be_set_is_refused(key: str, value: object, line: st
         ("name=", "name", ""),
     ],
 )
-def test_an_assignment_is_read_as_toml_and_else_as_text(text: str, key: str, value: object) -> None:
+def test_an_assigned_value_is_toml_or_else_a_string(text: str, key: str, value: object) -> None:
     assert parse_assignment(text) == (key, value)
 
 
 @pytest.mark.parametrize("text", ["lens.focus_mm", "=25", ""])
-def test_what_is_no_assignment_is_refused(text: str) -> None:
-    with pytest.raises(SpecError, match=r"not of the form key=value; write e\.g\. lens\.focus_mm=25"):
+def test_refuses_text_without_a_key_and_a_value(text: str) -> None:
+    with pytest.raises(SpecError, match=r"not of the form key=value; write, for example, lens\.focus_mm=25"):
         parse_assignment(text)
 
 
-def test_nearest_finds_a_near_name_only() -> None:
+def test_nearest_finds_only_similar_names() -> None:
     assert nearest("Focus", ["focus_mm", "shape"]) == "focus_mm"
     assert nearest("zzz", ["focus_mm", "shape"]) is None
 

@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 
 from solen.arrays import FloatArray
 from solen.bench.tables import BenchTable, load_table
-from solen.spec.strict import NotNegative, Number, Positive, Text, or_refuse, refused
+from solen.spec.strict import NotNegative, Number, Positive, Text, refused, reported_as
 
 MAX_DURATION_S = 7 * 86_400.0
 """Longest duration of a protocol in s: more than a week is probably a typing error."""
@@ -36,7 +36,7 @@ Turn = Annotated[Number, Field(ge=-360, le=360)]
 Shift = Annotated[Number, Field(ge=-1000, le=1000)]
 T = TypeVar("T")
 OfMotions = Annotated[dict[Text, T], Field(min_length=1, max_length=16)]
-_PLACE = or_refuse("must be a number up to 360 deg or 1000 mm, or one for each motion: {neck = 3.0, trunk = -5.0}")
+_PLACE = reported_as("must be a number up to 360 deg or 1000 mm, or one for each motion: {neck = 3.0, trunk = -5.0}")
 
 
 class Step(BenchTable):

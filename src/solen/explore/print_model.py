@@ -73,8 +73,8 @@ class PrintModel:
         )
         process = with_resin(process, sensor.design)
         if slicing.process is None:
-            process = process.with_settings(**slicing.exposed(process.process))
-        if others := slicing.otherwise(process.process):
+            process = process.with_settings(**slicing.differences(process.process))
+        if others := slicing.described_differences(process.process):
             limit = "a tuned lens is printed with the layers of its process"
             raise SpecError("--process", value=others[0], limit=limit, remedy="omit that option, or change it")
         body = sensor.body()

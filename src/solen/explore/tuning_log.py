@@ -18,7 +18,7 @@ from solen.explore.contour import Rows
 from solen.fabricate.process import Drawing
 from solen.files import read_text
 from solen.results import Result
-from solen.spec.objects import made, parsed
+from solen.spec.objects import build, parse_json
 
 KIND = "print tuning log"
 SCHEMA = 1
@@ -192,13 +192,13 @@ class TuningLog(Result):
 def read_log(path: Path) -> TuningLog:
     """Read the log from a file; raise `DataError` if it is not a log or is damaged."""
     where = str(path)
-    data = parsed(read_text(path, DataError), where)
+    data = parse_json(read_text(path, DataError), where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
         remedy = "name another --log, or remove the file"
         raise DataError(where, limit=f'not a log of solen print tune: it has no "solen": "{KIND}"', remedy=remedy)
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
-    log = made(TuningLog, data, where)
+    log = build(TuningLog, data, where)
     for number, one in enumerate(log.prints, start=1):
         columns = {len(column) for column in (one.image.arc_mm, one.image.deviation_um, one.image.u_um)}
         if one.number != number or not 0 <= one.drawing < number or len(columns) != 1:

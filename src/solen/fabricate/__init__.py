@@ -1,15 +1,23 @@
 """Export of a body: the solid with its seats as meshes and as a STEP file, and the outlines as drawings.
 
 `sensor_part` makes the exact `Part` of a design without writing a file: prisms bounded by curves, minus cuts. `mesh_of`
-triangulates the part within a tolerance. Each format is a function that returns bytes: `as_stl`, `as_threemf` and
-`as_glb` write a mesh, `as_step` writes a part, and `as_dxf`, `as_svg` and `as_comsol` write a body; `FORMATS` lists
-them. Each file contains a `Label`.
+triangulates the part within a tolerance. Each format has a function that returns the bytes of a file: `as_stl`,
+`as_threemf` and `as_glb` for a mesh, `as_step` for a part, and `as_dxf`, `as_svg` and `as_comsol` for a body; `FORMATS`
+lists them. Each file contains a `Label`.
 """
 
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf
-from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, SolidFiles, exported_solid, solid_files
+from solen.fabricate.export import (
+    DEFAULT_FORMATS,
+    FORMATS,
+    Export,
+    ExportedSolid,
+    SolidFiles,
+    exported_solid,
+    solid_files,
+)
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.lens_parts import cut_for
 from solen.fabricate.mesh import Mesh, mesh_of
@@ -21,9 +29,9 @@ from solen.fabricate.svg import as_svg
 from solen.geometry.measures import area_mm2, perimeter_mm
 
 __all__ = [
+    "DEFAULT_FORMATS",
     "FORMATS",
     "MESH_WRITERS",
-    "USUAL",
     "Bspline",
     "Export",
     "ExportedSolid",

@@ -1,13 +1,13 @@
-"""Curves as used by drawings and CAD programs: lines, arcs and B-splines.
+"""Curves as represented in drawings and CAD programs: lines, arcs and B-splines.
 
 Lines and arcs remain unchanged. A parabola becomes a B-spline of degree 2, and a chain of cubic segments becomes one of
 degree 3; both conversions are exact. A smooth chain becomes a single B-spline, with knots spaced so that the derivative
 is continuous; a chain with corners is divided at the corners.
 
 Any other curve (the Cartesian oval, a conic) is interpolated to within `FIT_TOLERANCE_MM` by a cubic B-spline with
-continuous curvature through points of the curve. The spline has the tangents of the curve at its ends, which keeps
-junctions smooth. Its parameter increases with arc length, tangent angle and the parameter of the curve, weighted
-equally: CAD programs integrate over the parameter with few nodes, and these are needed near the sharp vertex of a lens.
+continuous curvature. The spline has the tangents of the curve at its ends, which keeps junctions smooth. Its parameter
+increases equally with arc length, tangent angle and the parameter of the curve: CAD programs integrate over the
+parameter with few nodes, which are then dense near the sharp vertex of a lens.
 """
 
 import math
@@ -27,14 +27,14 @@ from solen.plane import Point, cross, dot, minus
 FIT_TOLERANCE_MM = 1e-6
 """Maximum distance between a B-spline and the curve that it approximates: 1 nm."""
 SMOOTH_RAD = 1e-9
-"""Two segments that meet at a smaller angle count as smooth; the error at the joint is below this angle times the
-length of a handle.
+"""Maximum angle between segments that are joined smoothly; the position error is below this angle times the length of a
+Bézier handle.
 """
 MIN_SPANS, MAX_SPANS = 8, 4096
 CHECKS_PER_SPAN = 8
-"""Number of points per span at which the distance from the curve is measured."""
+"""Number of points per span at which the distance from the curve is checked."""
 PANELS = 4096
-"""Number of equal steps of the curve parameter from which the uniform parameter is computed."""
+"""Number of equal steps of the curve parameter from which the spline parameter is computed."""
 
 Control = tuple[Point, Point, Point, Point]
 
@@ -43,8 +43,8 @@ Control = tuple[Point, Point, Point, Point]
 class Bspline:
     """A non-rational B-spline, clamped at both ends.
 
-    ``points`` are the control points in mm; ``knots`` ascend from 0 to 1, and ``multiplicities`` gives how often each
-    knot is repeated.
+    ``points`` are the control points in mm, ``knots`` are in ascending order from 0 to 1, and ``multiplicities`` are
+    the numbers of their repetitions.
     """
 
     degree: int
@@ -69,11 +69,11 @@ class Bspline:
 
 
 Primitive = Segment | Arc | Bspline
-"""A curve as stored in a drawing or a CAD program."""
+"""A curve as represented in a drawing or a CAD program."""
 
 
 def primitives(curve: Curve) -> tuple[Primitive, ...]:
-    """Return the primitives of a curve in its direction; each starts at the end of the previous one.
+    """Return the primitives of a curve in order; each starts at the end of the previous one.
 
     Raises
     ------
@@ -93,22 +93,23 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
 
 
 def cubics(curve: Curve) -> tuple[Control, ...]:
-    """Return cubic Bézier segments of the same curve; raises the same errors as `primitives`."""
+    """Return the curve of `primitives` as cubic Bézier segments; raise the same errors."""
     if isinstance(curve, CubicChain):
         return curve.controls
     spline = _interpolated(curve)
     knots = np.unique(spline.t)
-    at = _with_ends(spline(knots), curve)
-    handles = np.diff(knots)[:, None] / 3.0
+    points = _with_ends(spline(knots), curve)
+    thirds = np.diff(knots)[:, None] / 3.0
     tangents = spline.derivative()(knots)
-    pieces = np.stack([at[:-1], at[:-1] + handles * tangents[:-1], at[1:] - handles * tangents[1:], at[1:]], axis=1)
+    first, second = points[:-1] + thirds * tangents[:-1], points[1:] - thirds * tangents[1:]
+    pieces = np.stack([points[:-1], first, second, points[1:]], axis=1)
     return tuple((a, b, c, d) for a, b, c, d in (_points(piece) for piece in pieces))
 
 
 def quadratic(curve: Parabola) -> tuple[Point, Point, Point]:
     """Return the control points of a parabola, which is exactly one quadratic Bézier segment."""
-    (x, z), (per_u, rise) = curve.start, curve.velocities(np.zeros(1))[0].tolist()
-    return curve.start, (x + 0.5 * per_u, z + 0.5 * rise), curve.end
+    (x, z), (x_per_u, z_per_u) = curve.start, curve.velocities(np.zeros(1))[0].tolist()
+    return curve.start, (x + 0.5 * x_per_u, z + 0.5 * z_per_u), curve.end
 
 
 def _points(rows: FloatArray) -> tuple[Point, ...]:
@@ -121,38 +122,38 @@ def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
 
 
 def _interpolated(curve: Curve) -> BSpline:
-    """Return a cubic spline of the curve over a parameter from 0 to 1, with as many spans as the tolerance requires."""
-    parameter = _even_parameter(curve)
+    """Return a cubic spline through points of a curve, with as many spans as the tolerance requires."""
+    parameter = _curve_parameter(curve)
     ends = np.array([0.0, 1.0])
     tangents = curve.velocities(parameter(ends)) * parameter(ends, 1)[:, None]
     spans = MIN_SPANS
     while spans <= MAX_SPANS:
         knots = np.linspace(0.0, 1.0, spans + 1)
-        places: Any = curve.points(parameter(knots))
-        at_ends: Any = ([(1, tangents[0])], [(1, tangents[1])])
-        spline = make_interp_spline(knots, places, k=3, bc_type=at_ends)
+        points: Any = curve.points(parameter(knots))
+        end_tangents: Any = ([(1, tangents[0])], [(1, tangents[1])])
+        spline = make_interp_spline(knots, points, k=3, bc_type=end_tangents)
         between = (np.arange(spans * CHECKS_PER_SPAN) + 0.5) / (spans * CHECKS_PER_SPAN)
-        off = np.hypot(*(spline(between) - curve.points(parameter(between))).T)
-        if off.max() <= FIT_TOLERANCE_MM:
+        error = np.hypot(*(spline(between) - curve.points(parameter(between))).T)
+        if error.max() <= FIT_TOLERANCE_MM:
             return spline
         spans += spans // 2
-    limit = f"no B-spline of up to {MAX_SPANS} spans approximates the curve within {FIT_TOLERANCE_MM:g} mm"
+    limit = f"cannot be approximated within {FIT_TOLERANCE_MM:g} mm by a B-spline of up to {MAX_SPANS} spans"
     raise DesignError(type(curve).__name__, limit=limit, remedy="divide the curve")
 
 
-def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
-    """Map a uniform parameter, which increases with length, tangent angle and curve parameter, to the latter."""
+def _curve_parameter(curve: Curve) -> Callable[..., FloatArray]:
+    """Return the curve parameter as a function of the spline parameter from 0 to 1; see the module docstring."""
     u = np.linspace(0.0, 1.0, 2 * PANELS + 1)
-    per_u = curve.velocities(u)
-    speed = np.hypot(*per_u.T)
+    velocities = curve.velocities(u)
+    speed = np.hypot(*velocities.T)
     length = (speed[:-2:2] + 4.0 * speed[1::2] + speed[2::2]) / (6.0 * PANELS)  # Simpson's rule
-    before, after = per_u[:-2:2], per_u[2::2]
+    before, after = velocities[:-2:2], velocities[2::2]
     crosses = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     turning = np.abs(np.arctan2(crosses, np.sum(before * after, axis=1)))
-    own = np.full(PANELS, 1.0 / PANELS)
-    step = sum(part / part.sum() for part in (length, turning, own) if part.sum() > 0.0)
-    grown = np.concatenate([[0.0], np.cumsum(step)])
-    return CubicSpline(grown / grown[-1], u[::2])
+    uniform = np.full(PANELS, 1.0 / PANELS)
+    steps = sum(part / part.sum() for part in (length, turning, uniform) if part.sum() > 0.0)
+    total = np.concatenate([[0.0], np.cumsum(steps)])
+    return CubicSpline(total / total[-1], u[::2])
 
 
 def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
@@ -168,10 +169,10 @@ def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
 
 
 def _smooth(run: list[Control]) -> Bspline:
-    """Join smooth segments into one B-spline; joints with matched spans need no control point.
+    """Join smooth segments into one B-spline whose spans make the derivative continuous, without points at the joints.
 
-    At such a joint, the derivative with respect to the parameter is three times the handle divided by the span, on both
-    sides.
+    On each side of a joint, the derivative with respect to the parameter is three times the Bézier handle divided by
+    the span.
     """
     points, knots = list(run[0][:3]), [0.0, 1.0]
     for before, after in pairwise(run):
@@ -179,6 +180,5 @@ def _smooth(run: list[Control]) -> Bspline:
         knots.append(knots[-1] + ratio * (knots[-1] - knots[-2]))
         points += after[1:3]
     points.append(run[-1][3])
-    whole = knots[-1]
     inner = (2,) * (len(knots) - 2)
-    return Bspline(3, tuple(points), tuple(knot / whole for knot in knots), (4, *inner, 4))
+    return Bspline(3, tuple(points), tuple(knot / knots[-1] for knot in knots), (4, *inner, 4))

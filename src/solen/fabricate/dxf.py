@@ -1,6 +1,6 @@
-"""DXF drawings of a body, by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, with one layer per face.
+"""DXF drawings of a body with ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, with one layer per face.
 
-The layers are named after the faces, from which `solen.geometry.drawing` reads the body back. The emitter is a point (a
+The layers are named after the faces, so that `solen.geometry.drawing` can read the body back. The emitter is a point (a
 line for a chip) on the layer ``emitter``; the emitters of a network are on layers ``emitter-NAME``, and the pivot of
 the motion is a point on the layer ``pivot``. Custom header properties contain the label. X is x, Y is z.
 """
@@ -16,7 +16,7 @@ from solen.curve import Arc, Segment
 from solen.extras import need
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.label import Label
-from solen.fabricate.numbers import AWAY_MM, LINE_MM, TEXT_MM, NumberedPart
+from solen.fabricate.numbers import LINE_MM, NUMBER_DISTANCE_MM, TEXT_MM, NumberedPart
 from solen.geometry import Body, Pose
 from solen.plane import along, heading, right_of
 
@@ -59,16 +59,16 @@ def layer_of(name: str) -> str:
 
 
 def _draw(space: Any, piece: Segment | Arc | Bspline, layer: str) -> None:
-    on = {"layer": layer}
+    attributes = {"layer": layer}
     if isinstance(piece, Segment):
-        space.add_line(piece.a, piece.b, dxfattribs=on)
+        space.add_line(piece.a, piece.b, dxfattribs=attributes)
     elif isinstance(piece, Arc) and abs(piece.sweep_deg) >= 360.0:
-        space.add_circle(piece.center, piece.radius_mm, dxfattribs=on)
+        space.add_circle(piece.center, piece.radius_mm, dxfattribs=attributes)
     elif isinstance(piece, Arc):
         ends = sorted((piece.start_deg, piece.start_deg + piece.sweep_deg))
-        space.add_arc(piece.center, piece.radius_mm, *ends, dxfattribs=on)
+        space.add_arc(piece.center, piece.radius_mm, *ends, dxfattribs=attributes)
     else:
-        spline = space.add_spline(degree=piece.degree, dxfattribs=on)
+        spline = space.add_spline(degree=piece.degree, dxfattribs=attributes)
         spline.control_points = [(x, z, 0.0) for x, z in piece.points]
         spline.knots = piece.knot_vector.tolist()
 
@@ -86,24 +86,24 @@ def _mark(space: Any, body: Body) -> None:
 
 
 def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
-    """Draw part numbers on the layer ``note-numbers`` and the parts table on ``note-table``."""
+    """Draw the part numbers on the layer ``note-numbers`` and the table of parts on the layer ``note-table``."""
     from ezdxf.enums import TextEntityAlignment
 
     right_mm, top_mm = body.outline(1e-2).max(axis=0).tolist()
     for row, part in enumerate(parts):
         number = space.add_text(str(part.number), height=TEXT_MM, dxfattribs={"layer": "note-numbers"})
-        number.set_placement(part.place, align=TextEntityAlignment.MIDDLE_CENTER)
+        number.set_placement(part.position, align=TextEntityAlignment.MIDDLE_CENTER)
         line = space.add_text(part.row, height=TEXT_MM, dxfattribs={"layer": "note-table"})
-        line.set_placement((right_mm + 2.0 * AWAY_MM, top_mm - row * LINE_MM))
+        line.set_placement((right_mm + 2.0 * NUMBER_DISTANCE_MM, top_mm - row * LINE_MM))
 
 
 def emitters(body: Body) -> list[tuple[str, Pose]]:
-    """Return the emitters by their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
+    """Return the emitters with their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
     return [(f"emitter-{name}", pose) for name, pose in body.emitters] or [("emitter", body.emitter)]
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ends of a line as wide as the emitter chip; for a point emitter, the same point twice."""
+    """Return the ends of a line as wide as the emitter chip; for a point emitter, they coincide."""
     across = right_of(heading(emitter.axis_deg))
     return along(emitter.point, across, -0.5 * emitter.width_mm), along(emitter.point, across, 0.5 * emitter.width_mm)
 
@@ -113,7 +113,7 @@ def _no_dates() -> Iterator[None]:
     """Make ezdxf omit dates and random names, so that the same design always gives the same file."""
     import ezdxf
 
-    options = ezdxf.options  # type: ignore[attr-defined]  # it is public, and not listed as exported
+    options = ezdxf.options  # type: ignore[attr-defined]  # public, but not exported explicitly
     before = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True
     try:

@@ -1,7 +1,6 @@
 """Export of a design's body: the file formats and a summary.
 
-An `Export` contains everything that a format may need; its mesh is made on demand. To add a format, add a line to the
-registry `FORMATS`.
+An `Export` contains what the formats need; its mesh is made on demand. To add a format, add it to `FORMATS`.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,12 +43,12 @@ class Export:
 
     @property
     def outline(self) -> Body:
-        """Body with a single outline for all heights; raises `DesignError` if the outline varies with height."""
+        """Body with a single outline for all heights; `DesignError` if the outline varies with height."""
         return self.body.prism('export --step or a mesh, or draw the middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
     def numbers(self) -> tuple[NumberedPart, ...]:
-        """Parts of a network with their numbers in drawings."""
+        """Parts of a network, numbered as in drawings."""
         return numbered(self.design, self.body)
 
     @cached_property
@@ -73,7 +72,7 @@ class Format:
     write: Callable[[Export], bytes]
     needs: Callable[[], None] = lambda: None
     flat: bool = False
-    """Whether the format contains only outlines without height."""
+    """Whether the format contains only outlines, without height."""
 
 
 def _of_mesh(kind: str) -> Format:
@@ -87,25 +86,25 @@ FORMATS: dict[str, Format] = {
     "comsol": Format("-comsol.txt", lambda export: as_comsol(export.outline, export.label), flat=True),
     "svg": Format(".svg", lambda export: as_svg(export.outline, export.label, export.numbers), flat=True),
 }
-USUAL = ("stl", "3mf")
-"""Default formats, for slicing programs."""
+DEFAULT_FORMATS = ("stl", "3mf")
+"""Default formats, which slicers read."""
 
 
 @dataclass(frozen=True)
 class SolidFiles:
-    """Solid files by name; empty, with the reason, if the design has no solid."""
+    """Solid files keyed by name; empty, with the reason, if the design has no solid."""
 
     contents: dict[str, Content]
     refused: str = ""
 
 
 def solid_files(design: Design, stem: str) -> SolidFiles:
-    """Return the solid files of a design in the default formats for slicing programs; their names begin with a stem."""
+    """Return the solid files of a design in the default formats; their names begin with ``stem``."""
     try:
         export = Export(design, Sensor.of(design).body())
-        return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(export) for kind in USUAL})
-    except SolenError as bad:
-        return SolidFiles({}, str(bad))
+        return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(export) for kind in DEFAULT_FORMATS})
+    except SolenError as error:
+        return SolidFiles({}, str(error))
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class MeshSize:
-    """Number of triangles, extent and volume of a mesh, and the maximum volume difference from the exact solid."""
+    """Number of triangles, extent and volume of a mesh, and an upper bound for its volume error."""
 
     tolerance_mm: float
     size_mm: tuple[float, float, float]
@@ -128,7 +127,7 @@ class MeshSize:
 
     @classmethod
     def of(cls, mesh: Mesh, part: Part) -> "MeshSize":
-        """Measure the mesh of a part."""
+        """Return the size of the mesh of a part."""
         bound = part.wall_mm2 * mesh.tolerance_mm
         return cls(mesh.tolerance_mm, mesh.size_mm, len(mesh.triangles), mesh.volume_mm3, bound)
 
@@ -143,7 +142,7 @@ class ExportedSolid(Result):
     name, sha256
         Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
-        Thickness of the part, area of its middle section, and volume within the exact curves.
+        Thickness of the part, area of its middle section, and volume of the exact solid.
     pieces, faces
         Number of separate parts, and names of the faces.
     seats
@@ -173,7 +172,7 @@ class ExportedSolid(Result):
 def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint | None = None) -> ExportedSolid:
     """Summarise an export in the given formats, optionally with printer layers."""
     part = export.part
-    meshed = "mesh" in vars(export)
+    has_mesh = "mesh" in vars(export)
     return ExportedSolid(
         export=export,
         name=export.design.name,
@@ -184,14 +183,14 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
         pieces=_pieces(export.body),
         faces=tuple(face.name for face in export.body.all_faces),
         seats=tuple(Seat(cut.name, cut.volume_mm3) for cut in part.cuts),
-        mesh=MeshSize.of(export.mesh, part) if meshed else None,
+        mesh=MeshSize.of(export.mesh, part) if has_mesh else None,
         layers=layers,
         warnings=(*_warnings(export, formats), *(layers.warnings if layers else ())),
     )
 
 
 def _pieces(body: Body) -> int:
-    """Return the number of outlines that do not bound holes."""
+    """Return the number of outlines that are not holes."""
     return sum(area_mm2([outline]) > 0.0 for outline in body.outlines)
 
 
@@ -201,7 +200,7 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
         warnings.append(
             warning(
                 "the lens has its measured shape; "
-                f'set lens.shape = "{export.design.lens.designed_shape}" to export the lens to print'
+                f'to export the lens as designed, set lens.shape = "{export.design.lens.designed_shape}"'
             )
         )
     if (pieces := _pieces(export.body)) > 1:
@@ -209,7 +208,7 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     if export.body.separate:
         names = ", ".join(face.name for face in export.body.separate)
         warnings.append(
-            note(f"{names} are separate objects in air: the DXF and SVG drawings contain them, but the solid does not")
+            note(f"{names}: separate objects in air, which the DXF and SVG drawings contain, but the solid does not")
         )
     if export.part.cuts:
         warnings.append(warning("the ray trace ignores pockets and slots"))

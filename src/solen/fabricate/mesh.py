@@ -1,8 +1,8 @@
 """Closed triangle mesh of a part: two triangles share each edge, with vertices counter-clockwise as seen from outside.
 
-Outlines are approximated by points on the exact curves, joined by straight lines that deviate by no more than a
-specified tolerance; manifold3d triangulates top and bottom and makes the cuts. Points closer together than an STL can
-resolve with its 32 bits are merged beforehand, so every format contains the same closed surface.
+Outlines are approximated by points on the exact curves, joined by straight lines that deviate by at most a specified
+tolerance; manifold3d triangulates top and bottom and makes the cuts. Points that the 32-bit numbers of an STL cannot
+resolve are merged beforehand, so that every format contains the same closed surface.
 """
 
 from collections.abc import Iterator
@@ -21,16 +21,14 @@ from solen.fabricate.part import Part, Prism
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-
 MIN_TOLERANCE_MM, MAX_TOLERANCE_MM = 1e-4, 1.0
 """Minimum and maximum tolerance of a mesh."""
 WELD_MM = 1e-5
-"""Points closer together than this are merged; far from the origin, the limit is `WELD_ULPS` spacings of 32-bit
-numbers.
-"""
+"""Points closer together than this are merged."""
 WELD_ULPS = 8.0
-AT_ONCE = 100_000
-"""Number of triangles checked at a time."""
+"""Minimum distance of points in spacings of 32-bit numbers, which exceeds `WELD_MM` far from the origin."""
+BATCH = 100_000
+"""Number of triangles or vertices that are processed at a time."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +49,15 @@ class Mesh:
 
     def six_volumes(self) -> Iterator[tuple[slice, FloatArray]]:
         """Yield six times the tetrahedron volumes, one batch of triangles at a time."""
-        middle = self.vertices.mean(axis=0)
-        for some, (a, b, c) in self.corners():
-            yield some, np.asarray(np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)))
+        centre = self.vertices.mean(axis=0)
+        for batch, (a, b, c) in self.corners():
+            yield batch, np.asarray(np.einsum("ij,ij->i", a - centre, np.cross(b - centre, c - centre)))
 
     def corners(self) -> Iterator[tuple[slice, FloatArray]]:
         """Yield the corners (3, m, 3) of one batch of triangles at a time, which limits the memory for a large mesh."""
-        for first in range(0, len(self.triangles), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
-            yield some, self.vertices[self.triangles[some].T]
+        for first in range(0, len(self.triangles), BATCH):
+            batch = slice(first, first + BATCH)
+            yield batch, self.vertices[self.triangles[batch].T]
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
@@ -68,7 +66,7 @@ class Mesh:
         return (x, y, z)
 
     def open_edges(self) -> int:
-        """Number of edges without exactly two consistently oriented triangles; 0 if closed."""
+        """Return the number of edges without exactly two consistently oriented triangles; 0 if the mesh is closed."""
         edges = self._directed_edges()
         edges.sort()
         if np.all(edges[1:] != edges[:-1]):
@@ -83,7 +81,7 @@ class Mesh:
         return int(np.count_nonzero(~paired))
 
     def _directed_edges(self, *, backwards: bool = False) -> IntArray:
-        """Return every directed edge of every triangle, encoded as one number."""
+        """Return every directed edge of every triangle, encoded as an integer."""
         count, sides = len(self.triangles), [(0, 1), (1, 2), (2, 0)]
         edges = np.empty(3 * count, np.int64)
         for number, (start, end) in enumerate(sides):
@@ -105,7 +103,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
     weld_mm = _weld_mm(part)
     finest_mm = max(MIN_TOLERANCE_MM, 2.0 * weld_mm)
     if not finest_mm <= tolerance_mm <= MAX_TOLERANCE_MM:
-        limit = f"must be from {finest_mm:g} to {MAX_TOLERANCE_MM:g} mm for this part"
+        limit = f"must be {finest_mm:g} to {MAX_TOLERANCE_MM:g} mm for this part"
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit)
     solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
     if isinstance(part, FacedPart):
@@ -116,11 +114,12 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
 
 
 def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
-    """Return the mesh of a manifold3d solid; `DesignError` if it is empty or not closed in the 32 bits of an STL."""
+    """Return the mesh of a manifold3d solid; raise `DesignError` if it is empty or not closed."""
     surface = solid.to_mesh64()
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
-        raise DesignError(name, value="its mesh is not closed", limit=f"within {tolerance_mm:g} mm")
+        limit = f"has no closed mesh within {tolerance_mm:g} mm"
+        raise DesignError(name, limit=limit, remedy="use another --tolerance-mm, or simplify the outline")
     return mesh
 
 
@@ -138,7 +137,7 @@ def _joined(solids: "list[Manifold]") -> "Manifold":
 def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
     """Return the manifold3d solid of a prism."""
     rings = [_welded(ring, weld_mm) for ring in prism.rings(tolerance_mm - weld_mm)]
-    _check_apart(prism, rings, tolerance_mm)
+    _check_disjoint(prism, rings, tolerance_mm)
     return _of_triangles(*_prism_surface(rings, prism.from_mm, prism.to_mm), prism.name)
 
 
@@ -148,7 +147,7 @@ def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Mani
 
     solid = Manifold(Mesh64(vertices, triangles.astype(np.uint64)))
     if solid.status() != Error.NoError:
-        raise DesignError(name, value=solid.status().name, limit="its surface is not closed")
+        raise DesignError(name, limit=f"has no closed surface (manifold3d: {solid.status().name})")
     return solid
 
 
@@ -164,29 +163,29 @@ def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
     return corners[kept]
 
 
-def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
+def _check_disjoint(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
     """Raise `SpecError` if polylines intersect at this tolerance although the curves do not."""
     import shapely
 
-    solids = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]
-    simple = len(solids) == len(rings) and all(solid.is_valid for solid in solids)
-    if not simple or any(a.exterior.intersects(b.exterior) for a, b in combinations(solids, 2)):
+    polygons = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]
+    simple = len(polygons) == len(rings) and all(polygon.is_valid for polygon in polygons)
+    if not simple or any(a.exterior.intersects(b.exterior) for a, b in combinations(polygons, 2)):
         limit = f"is too coarse for the outlines of {prism.name}, which would intersect"
-        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it smaller")
+        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="reduce it")
 
 
 def _prism_surface(rings: list[FloatArray], from_mm: float, to_mm: float) -> tuple[FloatArray, IntArray]:
-    """Closed surface of a prism: lower corners, then upper ones; two triangles for each side, and two ends."""
+    """Return the vertices of a prism, the lower ones first, and the triangles of its closed surface."""
     from manifold3d import triangulate
 
     corners = np.vstack(rings)
     count = len(corners)
     cap = np.asarray(triangulate(rings), dtype=np.int64)
-    here = np.arange(count)
+    corner = np.arange(count)
     starts = np.cumsum([0, *(len(ring) for ring in rings)])
-    following = here + 1
+    following = corner + 1
     following[starts[1:] - 1] = starts[:-1]
-    low = np.column_stack([here, following, following + count])
-    high = np.column_stack([here, following + count, here + count])
+    low = np.column_stack([corner, following, following + count])
+    high = np.column_stack([corner, following + count, corner + count])
     vertices = np.vstack([np.column_stack([corners, np.full(count, height)]) for height in (from_mm, to_mm)])
     return vertices, np.vstack([cap[:, ::-1], cap + count, low, high])

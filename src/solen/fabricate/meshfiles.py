@@ -1,8 +1,8 @@
 """Mesh files in the formats STL, 3MF and GLB, written directly from their specifications.
 
-- STL (binary): 32-bit numbers; the format has no unit, but the 80 bytes before the triangles name it, with the label.
-- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata contains the label.
-- GLB (Khronos Group, glTF 2.0): glTF uses metres with Y up, so a node scales from mm and stands the part up;
+- STL (binary): 32-bit numbers; the format has no unit, but the 80-byte header contains the unit, mm, and the label.
+- 3MF (3MF Consortium, core specification 1.3): a ZIP file with the mesh in mm; its metadata contains the label.
+- GLB (Khronos Group, glTF 2.0): glTF uses metres with Y up, so a node scales the mesh from mm and rotates Z to Y;
   ``extras`` contains the label.
 
 The files do not depend on the time of writing.
@@ -18,7 +18,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from solen.fabricate.label import WRITER, Label, ascii_of
-from solen.fabricate.mesh import AT_ONCE, Mesh
+from solen.fabricate.mesh import BATCH, Mesh
 
 STL_HEADER = 80
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -38,10 +38,10 @@ RELATIONS = (
 )
 NO_DATE = (1980, 1, 1, 0, 0, 0)
 MM_IN_M = 1e-3
-STANDING = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
-"""Quaternion x, y, z, w that rotates Z up to the Y up of glTF."""
+Z_TO_Y_UP = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
+"""Quaternion x, y, z, w that rotates Z to Y, which is up in glTF."""
 FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""glTF codes of types and buffers."""
+"""glTF codes of number types and buffers."""
 
 
 def as_stl(mesh: Mesh, label: Label) -> bytes:
@@ -50,7 +50,7 @@ def as_stl(mesh: Mesh, label: Label) -> bytes:
 
 
 def stl_pieces(mesh: Mesh, label: Label) -> Iterator[bytes]:
-    """Yield a binary STL of a mesh in chunks, to avoid a second copy of a large mesh in memory."""
+    """Yield a binary STL of a mesh in chunks, without a second copy of a large mesh in memory."""
     head = f"{WRITER}; mm; {ascii_of(label.name, 30)}; sha256 {label.sha256[:16]}"
     yield head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(mesh.triangles))
     for _, corners in mesh.corners():
@@ -74,14 +74,14 @@ def as_threemf(mesh: Mesh, label: Label) -> bytes:
         for name, lines in files:
             entry = zipfile.ZipInfo(name, NO_DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(entry, "w") as opened:
+            with archive.open(entry, "w") as file:
                 for line in lines:
-                    opened.write(line.encode())
+                    file.write(line.encode())
     return data.getvalue()
 
 
 def _model(mesh: Mesh, label: Label) -> Iterator[str]:
-    """Yield the XML of a mesh in a 3MF, a few lines at a time; numbers are rounded to a hundredth of a nanometre."""
+    """Yield the XML of a mesh in a 3MF in parts; coordinates are rounded to 0.01 nm."""
     about = {"Title": label.name, "Application": WRITER, "Description": "; ".join(label.lines[2:])}
     yield "\n".join(
         (
@@ -92,38 +92,38 @@ def _model(mesh: Mesh, label: Label) -> Iterator[str]:
             "<vertices>\n",
         )
     )
-    for first in range(0, len(mesh.vertices), AT_ONCE):
-        some = (mesh.vertices[first : first + AT_ONCE].round(8) + 0.0).tolist()
-        yield "".join(f'<vertex x="{x:.8f}" y="{y:.8f}" z="{z:.8f}"/>\n' for x, y, z in some)
+    for first in range(0, len(mesh.vertices), BATCH):
+        vertices = (mesh.vertices[first : first + BATCH].round(8) + 0.0).tolist()
+        yield "".join(f'<vertex x="{x:.8f}" y="{y:.8f}" z="{z:.8f}"/>\n' for x, y, z in vertices)
     yield "</vertices>\n<triangles>\n"
-    for first in range(0, len(mesh.triangles), AT_ONCE):
-        numbers = mesh.triangles[first : first + AT_ONCE].tolist()
-        yield "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n' for a, b, c in numbers)
+    for first in range(0, len(mesh.triangles), BATCH):
+        triangles = mesh.triangles[first : first + BATCH].tolist()
+        yield "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n' for a, b, c in triangles)
     yield '</triangles>\n</mesh></object></resources><build><item objectid="1"/></build>\n</model>\n'
 
 
 def as_glb(mesh: Mesh, label: Label) -> bytes:
-    """Return binary glTF of a mesh: its numbers are in mm, and its node scales them to metres."""
-    places = mesh.vertices.astype("<f4")
+    """Return a binary glTF file of a mesh, whose coordinates are in mm; its node scales them to metres."""
+    vertices = mesh.vertices.astype("<f4")
     corners = mesh.triangles.astype("<u4")
-    binary = places.tobytes() + corners.tobytes()
-    extent = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
+    binary = vertices.tobytes() + corners.tobytes()
+    extent = {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()}
     about = {"name": label.name, "sha256": label.sha256, "about": label.about, "unit_of_mesh": "mm"}
     document = {
         "asset": {"version": "2.0", "generator": WRITER, "extras": about},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": label.name, "scale": [MM_IN_M] * 3, "rotation": STANDING}],
+        "nodes": [{"mesh": 0, "name": label.name, "scale": [MM_IN_M] * 3, "rotation": Z_TO_Y_UP}],
         "meshes": [
             {"name": label.name, "primitives": [{"attributes": {"POSITION": 0}, "indices": 1}], "extras": about}
         ],
         "accessors": [
-            {"bufferView": 0, "componentType": FLOAT, "count": len(places), "type": "VEC3"} | extent,
+            {"bufferView": 0, "componentType": FLOAT, "count": len(vertices), "type": "VEC3"} | extent,
             {"bufferView": 1, "componentType": UNSIGNED, "count": corners.size, "type": "SCALAR"},
         ],
         "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": places.nbytes, "target": VERTICES},
-            {"buffer": 0, "byteOffset": places.nbytes, "byteLength": corners.nbytes, "target": INDICES},
+            {"buffer": 0, "byteOffset": 0, "byteLength": vertices.nbytes, "target": VERTICES},
+            {"buffer": 0, "byteOffset": vertices.nbytes, "byteLength": corners.nbytes, "target": INDICES},
         ],
         "buffers": [{"byteLength": len(binary)}],
     }

@@ -1,10 +1,10 @@
 """Solid of a part: outlines of exact curves, extruded along the thickness and joined, minus cuts.
 
-A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, and Z is the height above the plate.
-The y of a sensor is measured from mid-thickness, away from a viewer who sees x to the right and z up; therefore y =
-thickness / 2 − Z. `Prism` is the only building block. Joined prisms touch and never overlap, and a `Cut` has the
-outline of the removed material, so volumes follow the exact curves. Solids, meshes and drawings are made from parts;
-this module does not depend on a file or a CAD kernel.
+A `Part` lies on the build plate: its X and Y are x and z of the plane of the sensor, and its Z is the height above the
+plate. The y of a sensor is measured from mid-thickness, away from a viewer who sees x to the right and z up; therefore
+y = thickness / 2 − Z. `Prism` is the only building block. Joined prisms touch but never overlap, and a `Cut` has the
+outline of the removed material, so volumes are exact. STEP files, meshes and layers are made from parts; this module
+depends on neither files nor a CAD kernel.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,11 @@ from solen.geometry.body import filled, polyline
 from solen.geometry.measures import area_mm2, perimeter_mm
 
 FLAT_MM = 1e-5
-"""Tolerance of outlines in containment checks."""
+"""Tolerance of the polylines with which overlaps are checked."""
 SLIVER = 1e-4
-"""Overlap ignored by the checks, which use polylines, as a fraction of an area (or in mm² below 1 mm²)."""
-
-
+"""Overlap that the checks ignore, as a fraction of the area, which is at least 1 mm² for this purpose."""
 TOUCH_MM2 = 1e-9
-"""Common volume of two touching cuts that counts as rounding."""
+"""Overlap of two touching cuts that is treated as a rounding error."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,8 @@ class Prism:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.from_mm, self.to_mm]).all() and self.from_mm < self.to_mm):
-            heights = f"from {self.from_mm} to {self.to_mm} mm"
-            raise DesignError(f"{self.name} height", value=heights, limit="must be above 0", remedy="increase it")
+            limit = f"must be above 0, but is from {self.from_mm} to {self.to_mm} mm"
+            raise DesignError(f"{self.name} height", limit=limit, remedy="increase it")
 
     @property
     def height_mm(self) -> float:
@@ -50,7 +48,7 @@ class Prism:
 
     @cached_property
     def area_mm2(self) -> float:
-        """Area within the outlines of the prism."""
+        """Cross-sectional area."""
         return area_mm2(self.outlines)
 
     @cached_property
@@ -59,16 +57,16 @@ class Prism:
         return perimeter_mm(self.outlines)
 
     def rings(self, tolerance_mm: float) -> list[NDArray[np.float64]]:
-        """Return closed polylines (N, 2) within ``tolerance_mm`` of the outlines; the last point repeats the first."""
+        """Return the outlines as closed polylines (N, 2) within ``tolerance_mm``; the last point repeats the first."""
         return [polyline(outline, tolerance_mm) for outline in self.outlines]
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: ``takes`` is the volume removed from the part, and ``tool`` extends beyond it so that no skin remains."""
+    """A cut: ``removed`` is the material that is removed, and ``tool`` extends beyond it so that no skin remains."""
 
     tool: Prism
-    takes: Prism
+    removed: Prism
 
     @property
     def name(self) -> str:
@@ -77,18 +75,18 @@ class Cut:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume removed."""
-        return self.takes.area_mm2 * self.takes.height_mm
+        """Removed volume."""
+        return self.removed.area_mm2 * self.removed.height_mm
 
 
 @dataclass(frozen=True)
 class Part:
-    """Prisms joined to one solid, minus cuts; checked when created.
+    """Prisms joined into one solid, minus cuts; checked when created.
 
     Raises
     ------
     DesignError
-        If prisms overlap, a cut extends beyond the part or its allowed range, or two cuts touch.
+        If there is no prism, prisms or cuts overlap, or a cut extends beyond the part.
     """
 
     name: str
@@ -97,47 +95,40 @@ class Part:
 
     def __post_init__(self) -> None:
         if not self.prisms:
-            raise DesignError(self.name, value="no outline", limit="a part requires at least one")
-        for first, other in combinations(self.prisms, 2):
-            if _shared_mm(first, other) > 0.0 and _overlap_mm2(first, other) > _negligible(first.area_mm2):
-                raise DesignError(self.name, value=f"{first.name} and {other.name}", limit="overlap")
-        for one_cut, other_cut in combinations(self.cuts, 2):
-            if (
-                _shared_mm(one_cut.takes, other_cut.takes) > 0.0
-                and _overlap_mm2(one_cut.takes, other_cut.takes) > TOUCH_MM2
-            ):
+            raise DesignError(self.name, limit="has no outline")
+        for first, second in combinations(self.prisms, 2):
+            if _common_mm(first, second) > 0.0 and _overlap_mm2(first, second) > _negligible(first.area_mm2):
+                raise DesignError(self.name, limit=f"{first.name} and {second.name} overlap")
+        for first, second in combinations([cut.removed for cut in self.cuts], 2):
+            if _common_mm(first, second) > 0.0 and _overlap_mm2(first, second) > TOUCH_MM2:
                 remedy = "make the part thicker, or omit one of the cuts"
-                raise DesignError(
-                    self.name, value=f"{one_cut.name} and {other_cut.name}", limit="intersect", remedy=remedy
-                )
+                raise DesignError(self.name, limit=f"{first.name} and {second.name} intersect", remedy=remedy)
         for cut in self.cuts:
             self._check_cut(cut)
 
     @property
     def volume_mm3(self) -> float:
-        """Volume of the solid within the exact curves."""
+        """Volume of the exact solid."""
         prisms = sum(prism.area_mm2 * prism.height_mm for prism in self.prisms)
         return prisms - sum(cut.volume_mm3 for cut in self.cuts)
 
     @property
     def wall_mm2(self) -> float:
-        """Total area of the vertical walls; a mesh has a volume error of at most this times the mesh tolerance."""
+        """Total area of the vertical walls; times the mesh tolerance, it is an upper bound for the volume error."""
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """Raise `DesignError` if a cut does not remove exactly its specified volume from the part."""
-        taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
-        if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
+        """Raise `DesignError` if the tool of a cut does not remove its volume from the part."""
+        removed_mm3 = sum(_common_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
+        if abs(removed_mm3 - cut.volume_mm3) <= _negligible(cut.removed.area_mm2) * cut.removed.height_mm:
             return
-        limit = (
-            f"would remove {taken:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³, because it extends past the part's edge"
-        )
+        limit = f"extends beyond the part: it would remove {removed_mm3:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³"
         raise DesignError(cut.name, limit=limit, remedy="make the cut smaller, or the part wider or thicker")
 
 
 def sensor_prism(body: Body, thickness_mm: float) -> Prism:
-    """Return the checked prism of the printed body; separate elements in air are not printed.
+    """Return the prism of a body, without its separate objects in air, which are not printed.
 
     Raises
     ------
@@ -152,12 +143,12 @@ def _negligible(area: float) -> float:
     return SLIVER * max(area, 1.0)
 
 
-def _shared_mm(first: Prism, other: Prism) -> float:
-    """Return the height range common to two prisms, in mm."""
-    return max(0.0, min(first.to_mm, other.to_mm) - max(first.from_mm, other.from_mm))
+def _common_mm(first: Prism, second: Prism) -> float:
+    """Return the length of the height range that two prisms have in common."""
+    return max(0.0, min(first.to_mm, second.to_mm) - max(first.from_mm, second.from_mm))
 
 
-def _overlap_mm2(first: Prism, other: Prism) -> float:
-    """Return the area common to the outlines of two prisms."""
-    regions = [filled(prism.rings(FLAT_MM)) for prism in (first, other)]
+def _overlap_mm2(first: Prism, second: Prism) -> float:
+    """Return the area that the outlines of two prisms have in common."""
+    regions = [filled(prism.rings(FLAT_MM)) for prism in (first, second)]
     return float(regions[0].intersection(regions[1]).area)

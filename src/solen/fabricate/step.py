@@ -1,10 +1,10 @@
 """STEP files of exact solids, made with the Open CASCADE kernel (the extra ``cad``), which is loaded only on demand.
 
-Each curve of an outline becomes one edge, or one edge per primitive (`solen.fabricate.bspline`): lines, arcs and
-B-splines in the plane of the build plate; two adjacent edges share exactly one corner point. Extrusion gives planes,
-cylinders and surfaces of extrusion, so a CAD program receives the exact curves rather than facets. Faces have the names
-of the body faces, ``top`` or ``bottom``; faces made by a cut have the name of the cut. A layered part has one solid for
-each layer; the smooth face of a lens that varies with height is one B-spline surface.
+Each curve of an outline becomes one edge per primitive (`solen.fabricate.bspline`): lines, arcs and B-splines in the
+plane of the build plate; adjacent edges share exactly one corner point. Extrusion gives planes, cylinders and surfaces
+of extrusion, so a CAD program receives exact curves, not facets. Faces have the names of the faces of the body, ``top``
+or ``bottom``; faces that result from a cut have the name of the cut. A layered part has one solid for each layer; the
+smooth face of a lens that varies with height is one B-spline surface.
 """
 
 import math
@@ -23,14 +23,14 @@ from solen.errors import DesignError, OutputError
 from solen.extras import need
 from solen.fabricate.bspline import Bspline, Primitive, primitives
 from solen.fabricate.label import WRITER, Label, ascii_of
-from solen.fabricate.lens_parts import BEFORE_MM, FacedPart, Hollow, StackedPart
+from solen.fabricate.lens_parts import FRONT_GAP_MM, FacedPart, Hollow, StackedPart
 from solen.fabricate.part import Cut, Part, Prism
 from solen.geometry import Face
 from solen.plane import Point
 
 SCHEMA = "AP214IS"
 TIME = "1970-01-01T00:00:00"
-"""Time in the header, which is mandatory; it is fixed because the same design must give the same file."""
+"""Time in the header, which is mandatory; it is fixed so that the same design always gives the same file."""
 MAX_TEXT_LENGTH = 200
 Named = list[tuple[Any, str]]
 """Kernel faces with their names."""
@@ -71,44 +71,41 @@ def _solid(part: Part) -> tuple[Any, Named]:
     if isinstance(part, FacedPart):
         tools.append((BRepAlgoAPI_Cut, *_hollow(part.hollow), "lens"))
     for operation, tool, tool_named, name in tools:
-        done = operation(solid, tool)
-        if not done.IsDone():
+        result = operation(solid, tool)
+        if not result.IsDone():
             raise _no_solid(part, name)
-        solid = done.Shape()
-        named = [(after, of) for face, of in (*named, *tool_named) for after in _after(done, face)]
+        solid = result.Shape()
+        named = [(new, label) for face, label in (*named, *tool_named) for new in _resulting_faces(result, face)]
     if not BRepCheck_Analyzer(solid).IsValid():
         raise _no_solid(part, "its faces")
     return solid, named
 
 
 def _no_solid(part: Part, what: str) -> DesignError:
-    limit = "the CAD kernel cannot make a valid solid from it"
-    return DesignError(part.name, value=what, limit=limit, remedy="simplify the outline there, or export a mesh")
+    limit = f"the CAD kernel cannot make a valid solid with {what}"
+    return DesignError(part.name, limit=limit, remedy="simplify the outline, or export a mesh")
 
 
-def _after(operation: Any, face: Any) -> list[Any]:
-    """Faces that result from a face in an operation: modified parts, none if removed, otherwise the face itself."""
-    if operation.IsDeleted(face):
-        return []
-    changed = list(operation.Modified(face))
-    return changed or [face]
+def _resulting_faces(operation: Any, face: Any) -> list[Any]:
+    """Return the faces that an operation made from a face: none if it was removed, or the face itself if unchanged."""
+    return [] if operation.IsDeleted(face) else list(operation.Modified(face)) or [face]
 
 
 def _stack(part: StackedPart) -> tuple[Any, Named]:
-    """Return the layers as separate solids, minus the cuts in each."""
+    """Return the layers as separate solids, minus the cuts."""
     solids, named = [], []
     for prism in part.prisms:
         cuts = tuple(cut for cut in part.cuts if prism.from_mm < cut.tool.to_mm and cut.tool.from_mm < prism.to_mm)
         solid, faces = _solid(Part(prism.name, (prism,), tuple(_within(cut, prism) for cut in cuts)))
         solids.append(solid)
         named += faces
-    return _together(solids), named
+    return _compound(solids), named
 
 
 def _within(cut: Cut, prism: Prism) -> Cut:
     """Return the part of a cut within the height of a layer."""
-    low, high = max(cut.takes.from_mm, prism.from_mm), min(cut.takes.to_mm, prism.to_mm)
-    return replace(cut, takes=replace(cut.takes, from_mm=low, to_mm=high))
+    low, high = max(cut.removed.from_mm, prism.from_mm), min(cut.removed.to_mm, prism.to_mm)
+    return replace(cut, removed=replace(cut.removed, from_mm=low, to_mm=high))
 
 
 def _hollow(hollow: Hollow) -> tuple[Any, Named]:
@@ -118,10 +115,12 @@ def _hollow(hollow: Hollow) -> tuple[Any, Named]:
     from OCP.gp import gp_Vec
 
     face = BRepBuilderAPI_MakeFace(_surface(*hollow.fitted()), 1e-7).Face()
-    drawn = BRepPrimAPI_MakePrism(face, gp_Vec(0.0, -(hollow.lens.deepest_mm - hollow.front_mm + BEFORE_MM), 0.0))
-    if not drawn.IsDone():
+    extrusion = BRepPrimAPI_MakePrism(
+        face, gp_Vec(0.0, -(hollow.lens.deepest_mm - hollow.front_mm + FRONT_GAP_MM), 0.0)
+    )
+    if not extrusion.IsDone():
         raise DesignError("lens", limit="the CAD kernel cannot extrude its face", remedy="export a mesh")
-    return drawn.Shape(), [(drawn.FirstShape(), "lens")]
+    return extrusion.Shape(), [(extrusion.FirstShape(), "lens")]
 
 
 def _surface(control: FloatArray, *knots: FloatArray) -> Any:
@@ -139,8 +138,8 @@ def _surface(control: FloatArray, *knots: FloatArray) -> Any:
     return Geom_BSplineSurface(points, u, v, u_counts, v_counts, 3, 3, False, False)
 
 
-def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
-    """Return a prism as one or several solids, with the names of its faces or one name for all faces."""
+def _prism(prism: Prism, name: str, face_name: str = "") -> tuple[Any, Named]:
+    """Return a prism as one shape, with the names of its faces; ``face_name`` replaces them all."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
 
@@ -148,60 +147,62 @@ def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
     solids = []
     for region in _regions(prism):
         base, edges = _face(region, prism.from_mm)
-        drawn = BRepPrimAPI_MakePrism(base, gp_Vec(0.0, 0.0, prism.height_mm))
-        if not drawn.IsDone():
+        extrusion = BRepPrimAPI_MakePrism(base, gp_Vec(0.0, 0.0, prism.height_mm))
+        if not extrusion.IsDone():
             raise DesignError(name, limit="the CAD kernel cannot extrude it")
-        solids.append(drawn.Shape())
-        named += [(drawn.FirstShape(), "bottom"), (drawn.LastShape(), "top")]
-        named += [(side, edge_name) for edge, edge_name in edges for side in drawn.Generated(edge)]
-    named = [(face, all_named or own) for face, own in named]
-    return (solids[0] if len(solids) == 1 else _together(solids)), named
+        solids.append(extrusion.Shape())
+        named += [(extrusion.FirstShape(), "bottom"), (extrusion.LastShape(), "top")]
+        named += [(side, edge_name) for edge, edge_name in edges for side in extrusion.Generated(edge)]
+    named = [(face, face_name or label) for face, label in named]
+    return (solids[0] if len(solids) == 1 else _compound(solids)), named
 
 
-def _together(solids: list[Any]) -> Any:
-    """Combine several solids into one shape."""
+def _compound(solids: list[Any]) -> Any:
+    """Combine solids into one shape."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    several, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(several)
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
     for solid in solids:
-        builder.Add(several, solid)
-    return several
+        builder.Add(compound, solid)
+    return compound
 
 
 def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
-    """Return outlines by region: an outer one, then the holes directly inside it."""
+    """Return the outlines of each region: its outer outline, then the holes directly inside it."""
     import shapely
 
-    rings = [shapely.Polygon(ring) for ring in prism.rings(1e-3)]
-    around = [[k for k, ring in enumerate(rings) if k != i and ring.contains(one)] for i, one in enumerate(rings)]
-    regions = {i: [prism.outlines[i]] for i, outside in enumerate(around) if len(outside) % 2 == 0}
-    for i, outside in enumerate(around):
-        if len(outside) % 2:
-            owner = max((k for k in outside if k in regions), key=lambda k: len(around[k]))
+    polygons = [shapely.Polygon(ring) for ring in prism.rings(1e-3)]
+    around = [
+        [k for k, outer in enumerate(polygons) if k != i and outer.contains(inner)] for i, inner in enumerate(polygons)
+    ]
+    regions = {i: [prism.outlines[i]] for i, outer in enumerate(around) if len(outer) % 2 == 0}
+    for i, outer in enumerate(around):
+        if len(outer) % 2:
+            owner = max((k for k in outer if k in regions), key=lambda k: len(around[k]))
             regions[owner].append(prism.outlines[i])
     return list(regions.values())
 
 
 def _face(outlines: list[tuple[Face, ...]], height_mm: float) -> tuple[Any, Named]:
-    """Return the plane face within outlines at a height, and its edges with their names."""
+    """Return the plane face within outlines at a height, and its named edges."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
     plane = gp_Pln(gp_Pnt(0.0, 0.0, height_mm), gp_Dir(0.0, 0.0, 1.0))
     named: Named = []
-    made = None
+    builder = None
     for outline in outlines:
         wire, edges = _wire(outline, height_mm)
         named += edges
-        if made is None:
-            made = BRepBuilderAPI_MakeFace(plane, wire, True)
+        if builder is None:
+            builder = BRepBuilderAPI_MakeFace(plane, wire, True)
         else:
-            made.Add(wire)
-    if made is None or not made.IsDone():
+            builder.Add(wire)
+    if builder is None or not builder.IsDone():
         raise DesignError(outlines[0][0].name, limit="the CAD kernel cannot make a face from its outline")
-    return made.Face(), named
+    return builder.Face(), named
 
 
 def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
@@ -243,8 +244,8 @@ def _curve(piece: Primitive, height_mm: float) -> tuple[Any, float]:
         direction = gp_Dir((x - piece.start[0]) / length, (z - piece.start[1]) / length, 0.0)
         return Geom_Line(_point(piece.start, height_mm), direction), length
     begin = math.radians(piece.start_deg)
-    way = gp_Dir(0.0, 0.0, math.copysign(1.0, piece.sweep_deg))
-    axes = gp_Ax2(_point(piece.center, height_mm), way, gp_Dir(math.cos(begin), math.sin(begin), 0.0))
+    normal = gp_Dir(0.0, 0.0, math.copysign(1.0, piece.sweep_deg))
+    axes = gp_Ax2(_point(piece.center, height_mm), normal, gp_Dir(math.cos(begin), math.sin(begin), 0.0))
     return Geom_Circle(axes, piece.radius_mm), math.radians(abs(piece.sweep_deg))
 
 
@@ -259,14 +260,14 @@ def _bspline(piece: Bspline, height_mm: float) -> Any:
 
 
 def _knots(values: Iterable[float], multiplicities: Iterable[int]) -> tuple[Any, Any]:
-    """Return kernel knots, and the multiplicity of each."""
+    """Return the knots and their multiplicities as arrays of the kernel."""
     from OCP.collections import Array1_double, Array1_int
 
-    both = [(float(knot), int(count)) for knot, count in zip(values, multiplicities, strict=True)]
-    knots, counts = Array1_double(1, len(both)), Array1_int(1, len(both))
-    for i, (knot, count) in enumerate(both, start=1):
-        knots.SetValue(i, knot)
-        counts.SetValue(i, count)
+    pairs = list(zip(values, multiplicities, strict=True))
+    knots, counts = Array1_double(1, len(pairs)), Array1_int(1, len(pairs))
+    for i, (knot, count) in enumerate(pairs, start=1):
+        knots.SetValue(i, float(knot))
+        counts.SetValue(i, int(count))
     return knots, counts
 
 
@@ -295,7 +296,7 @@ def _written(solid: Any, named: Named, label: Label) -> bytes:
 
 
 def _head(model: Any, label: Label) -> None:
-    """Set header and product: design name and description, and solen as the originating system."""
+    """Set the header and the product: name and description of the design, and solen as the originating system."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.StepBasic import StepBasic_Product
 
@@ -310,10 +311,10 @@ def _head(model: Any, label: Label) -> None:
     head.SetTimeStamp(_text(TIME))
     entities = (model.Entity(number) for number in range(1, model.NbEntities() + 1))
     products = [entity for entity in entities if isinstance(entity, StepBasic_Product)]
-    for number, product in enumerate(products):  # the first is the entire part, the others its bodies if it has several
-        own = _text(f"{label.name} {number}") if number else name
-        product.SetId(own)
-        product.SetName(own)
+    for number, product in enumerate(products):  # the first is the whole part; others are its solids, if it has several
+        product_name = _text(f"{label.name} {number}") if number else name
+        product.SetId(product_name)
+        product.SetName(product_name)
 
 
 def _text(text: str) -> Any:

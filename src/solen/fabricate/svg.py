@@ -1,8 +1,8 @@
-"""SVG drawings of a body: a user unit is 1 mm, and every face is a path named after it.
+"""SVG drawings of a body: a user unit is 1 mm, and each face is a path with the name of the face.
 
-Lines, arcs, parabolas and cubics are exact; any other curve consists of the Bézier segments of its B-spline, within 1
-nm. Names are stored as path ids and as labels in Inkscape; `solen.geometry.drawing` reads the body back. The y axis of
-SVG points down: it is −z. Small circles mark the emitter and the pivot of the motion.
+Lines, arcs, parabolas and cubics are exact; any other curve is drawn as the Bézier segments of its B-spline, within
+1 nm. Names are stored as path ids and as Inkscape labels, so that `solen.geometry.drawing` can read the body back. The
+y axis of SVG points down: it is −z. Small circles mark the emitter and the pivot of the motion.
 """
 
 import math
@@ -15,7 +15,7 @@ from solen.curve import Arc, Curve, Parabola, Segment
 from solen.fabricate.bspline import cubics, quadratic
 from solen.fabricate.dxf import emitter_line, emitters
 from solen.fabricate.label import Label
-from solen.fabricate.numbers import LETTER, LINE_MM, TEXT_MM, NumberedPart
+from solen.fabricate.numbers import LETTER_WIDTH, LINE_MM, TEXT_MM, NumberedPart
 from solen.geometry import Body
 from solen.plane import Point
 
@@ -23,20 +23,20 @@ MARGIN_MM = 1.0
 STROKE_MM = 0.1
 MARK_MM = 0.1
 MAX_ARC_DEG = 90.0
-"""Maximum angle of an arc segment; the centre of a larger arc is less accurately determined by its ends."""
+"""Maximum angle of an arc segment, because the ends of a larger arc determine its centre less accurately."""
 
 
 def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
-    """Return an SVG file of a body, in mm, with part numbers and a parts table."""
+    """Return an SVG file of a body, in mm, with its parts numbered and listed."""
     faces = (*body.all_faces, *body.separate)
     corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [pose.point for _, pose in emitters(body)]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
     table = (float(high[0]) + TEXT_MM, float(high[1]) - TEXT_MM)
     if parts:
-        places = np.array([part.place for part in parts])
-        wide, tall = LETTER * TEXT_MM * max(len(part.row) for part in parts), LINE_MM * len(parts)
-        low = np.minimum(np.minimum(low, places.min(axis=0) - TEXT_MM), [low[0], table[1] - tall])
-        high = np.maximum(np.maximum(high, places.max(axis=0) + TEXT_MM), [table[0] + wide, high[1]])
+        positions = np.array([part.position for part in parts])
+        width, height = LETTER_WIDTH * TEXT_MM * max(len(part.row) for part in parts), LINE_MM * len(parts)
+        low = np.minimum(np.minimum(low, positions.min(axis=0) - TEXT_MM), [low[0], table[1] - height])
+        high = np.maximum(np.maximum(high, positions.max(axis=0) + TEXT_MM), [table[0] + width, high[1]])
     width, height = (high - low).tolist()
     box = " ".join(_number(value) for value in (low[0], -high[1], width, height))
     lines = [
@@ -46,7 +46,7 @@ def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
         f"<title>{escape(label.name)}</title>",
         f"<desc>{escape('; '.join(label.lines[1:]))}</desc>",
         f'<g fill="none" stroke="black" stroke-width="{STROKE_MM:g}">',
-        *(_path(face.name, "".join(_drawn(face.curve))) for face in faces),
+        *(_path(face.name, "".join(_path_data(face.curve))) for face in faces),
         *_marks(body),
         "</g>",
         *_numbers(parts, table),
@@ -56,13 +56,13 @@ def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
 
 
 def _numbers(parts: Sequence[NumberedPart], table: Point) -> Iterator[str]:
-    """Draw the part numbers and the parts table."""
+    """Draw the part numbers and the table of parts."""
     if not parts:
         return
     yield f'<g id="notes" font-family="sans-serif" font-size="{TEXT_MM:g}">'
-    for place, part in enumerate(parts):
-        yield f"{_text(part.place, 'middle')}{part.number}</text>"
-        yield f"{_text((table[0], table[1] - place * LINE_MM), 'start')}{escape(part.row)}</text>"
+    for row, part in enumerate(parts):
+        yield f"{_text(part.position, 'middle')}{part.number}</text>"
+        yield f"{_text((table[0], table[1] - row * LINE_MM), 'start')}{escape(part.row)}</text>"
     yield "</g>"
 
 
@@ -72,8 +72,8 @@ def _text(point: Point, anchor: str) -> str:
 
 
 def _path(name: str, data: str) -> str:
-    named = quoteattr(name)
-    return f'<path id={named} inkscape:label={named} d="{data}"/>'
+    quoted = quoteattr(name)
+    return f'<path id={quoted} inkscape:label={quoted} d="{data}"/>'
 
 
 def _marks(body: Body) -> Iterator[str]:
@@ -92,8 +92,7 @@ def _circle(name: str, point: Point) -> str:
     return f'<circle id="{name}" inkscape:label="{name}" cx="{x}" cy="{y}" r="{MARK_MM:g}"/>'
 
 
-def _drawn(curve: Curve) -> Iterator[str]:
-    """Return the path data of a curve."""
+def _path_data(curve: Curve) -> Iterator[str]:
     yield f"M{_at(curve.start)}"
     if isinstance(curve, Segment):
         yield f"L{_at(curve.end)}"
@@ -115,5 +114,5 @@ def _at(point: Point) -> str:
 
 
 def _number(value: float) -> str:
-    """Format a length with at most twelve decimals: a thousandth of a picometre."""
+    """Format a length in mm with at most twelve decimals, a femtometre."""
     return f"{value + 0.0:.12f}".rstrip("0").rstrip(".")

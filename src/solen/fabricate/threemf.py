@@ -1,8 +1,8 @@
-"""3MF reader (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
+"""Reader of 3MF files (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
 
-A 3MF is a ZIP that contains an XML model with objects, each of which is a mesh or composed of others, and the items to
-build, each of which is an object with a transformation. Units are converted; materials, colours and extensions are
-ignored, but a file that requires an extension is rejected.
+A 3MF is a ZIP file with an XML model. The model contains objects, each of which is a mesh or is composed of other
+objects, and the items to be built, each of which is an object with a transformation. Units are converted; materials,
+colours and extensions are ignored, but a file that requires an extension is rejected.
 """
 
 import zipfile
@@ -22,18 +22,18 @@ from solen.fabricate.meshfiles import CORE, MODEL
 
 MM = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 MAX_MB = 500
-"""Maximum model size, checked before the model is unpacked."""
+"""Maximum size of the model, which is checked before it is unpacked."""
 MAX_DEPTH, MAX_OBJECTS = 16, 10_000
 """Maximum nesting depth of objects, and maximum number of objects."""
-SPACE = f"{CORE} "
-PIECE = 1 << 20
+NAMESPACE = f"{CORE} "
+CHUNK = 1 << 20
 """Number of bytes parsed at a time."""
 REMEDY = "export it again, or as STL"
 
 
 @dataclass
-class Pieces:
-    """Triangles collected from the meshes."""
+class CollectedMeshes:
+    """Vertices and triangles of all meshes, the number of vertices, and the number of objects."""
 
     vertices: list[FloatArray] = field(default_factory=list)
     triangles: list[IntArray] = field(default_factory=list)
@@ -49,25 +49,25 @@ class Pieces:
 
 @dataclass
 class MeshObject:
-    """An object: corners, corner indices of its triangles, and component objects."""
+    """An object: its vertices, the vertex indices of its triangles, and its components."""
 
     vertices: "array[float]" = field(default_factory=lambda: array("d"))
     triangles: "array[int]" = field(default_factory=lambda: array("q"))
-    parts: list[dict[str, str]] = field(default_factory=list)
+    components: list[dict[str, str]] = field(default_factory=list)
 
 
 @dataclass
 class Model:
-    """Contents of a model, collected element by element to avoid storing the entire tree in memory."""
+    """Contents of a model, collected element by element, so that its tree need not be in memory."""
 
-    about: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, str] = field(default_factory=dict)
     objects: dict[str, MeshObject] = field(default_factory=dict)
     items: list[dict[str, str]] = field(default_factory=list)
     _current: MeshObject = field(default_factory=MeshObject)
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """Handle the start of an element of the core specification."""
-        tag = name.removeprefix(SPACE) if name.startswith(SPACE) else ""
+        tag = name.removeprefix(NAMESPACE) if name.startswith(NAMESPACE) else ""
         if tag == "vertex":
             self._current.vertices.extend([float(attributes[key]) for key in ("x", "y", "z")])
         elif tag == "triangle":
@@ -75,44 +75,44 @@ class Model:
         elif tag == "object":
             self._current = self.objects.setdefault(str(attributes.get("id")), MeshObject())
         elif tag == "component":
-            self._current.parts.append(attributes)
+            self._current.components.append(attributes)
         elif tag == "item":
             self.items.append(attributes)
         elif tag == "model":
-            self.about = attributes
+            self.attributes = attributes
 
 
 def read_threemf(path: Path) -> Mesh:
-    """Read the mesh of all items that a 3MF builds, in mm, without checking whether it is closed.
+    """Read the mesh of all items of a 3MF in mm, without checking whether it is closed.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is not a 3MF, is damaged, requires an extension, or builds nothing.
+        If the file cannot be read, is not a 3MF, is damaged, requires an extension, or has no triangles.
     """
     model = _model(path)
-    scale = MM.get(model.about.get("unit", "millimeter"))
+    scale = MM.get(model.attributes.get("unit", "millimeter"))
     if scale is None:
-        raise DataError(f"{path}: unit", value=model.about.get("unit"), limit=f"must be one of {', '.join(MM)}")
-    if extensions := model.about.get("requiredextensions"):
+        raise DataError(f"{path}: unit", value=model.attributes.get("unit"), limit=f"must be one of {', '.join(MM)}")
+    if extensions := model.attributes.get("requiredextensions"):
         limit = f"requires the extension {extensions}, which solen does not read"
         raise DataError(str(path), limit=limit, remedy="export it as STL")
-    pieces = Pieces()
+    meshes = CollectedMeshes()
     try:
         for item in model.items:
-            _gather(item, model.objects, np.eye(4), pieces, 0)
+            _collect(item, model.objects, np.eye(4), meshes, 0)
     except (KeyError, ValueError, IndexError, OverflowError):
         raise _damaged(path) from None
-    if not pieces.count or not sum(len(some) for some in pieces.triangles):
-        raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
-    vertices, triangles = np.vstack(pieces.vertices) * scale, np.vstack(pieces.triangles)
-    if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise DataError(str(path), value="a vertex that does not exist", limit="is damaged", remedy=REMEDY)
-    return Mesh(vertices, triangles, 0.0)
+    if not any(len(triangles) for triangles in meshes.triangles):
+        raise DataError(str(path), limit="contains no triangles", remedy=REMEDY)
+    vertices = np.vstack(meshes.vertices) * scale
+    if not np.isfinite(vertices).all():
+        raise _damaged(path)
+    return Mesh(vertices, np.vstack(meshes.triangles), 0.0)
 
 
 def _damaged(path: Path) -> DataError:
-    return DataError(str(path), value="its model", limit="is damaged", remedy=REMEDY)
+    return DataError(str(path), limit="its model is damaged", remedy=REMEDY)
 
 
 def _model(path: Path) -> Model:
@@ -123,28 +123,28 @@ def _model(path: Path) -> Model:
             names = [name for name in archive.namelist() if name.lower().endswith(".model")]
             name = MODEL if MODEL in names else min(names)
             if archive.getinfo(name).file_size > MAX_MB * 1e6:
-                raise DataError(
-                    str(path), limit=f"contains a model of more than {MAX_MB} MB", remedy="reduce its triangles"
-                )
+                limit = f"contains a model of more than {MAX_MB} MB"
+                raise DataError(str(path), limit=limit, remedy="reduce the number of triangles")
             parser = expat.ParserCreate(namespace_separator=" ")  # expat limits the expansion of entities
             parser.StartElementHandler = _guarded(model, path)
-            with archive.open(name) as opened:
-                while piece := opened.read(PIECE):
-                    parser.Parse(piece, False)
+            with archive.open(name) as file:
+                while chunk := file.read(CHUNK):
+                    parser.Parse(chunk, False)
             parser.Parse(b"", True)
     except FileNotFoundError:
         raise DataError(str(path), limit="no such file", remedy="check the path") from None
     except (zipfile.BadZipFile, ValueError, KeyError, zlib.error, EOFError, NotImplementedError, RuntimeError):
         raise DataError(str(path), limit="is damaged, or not a 3MF", remedy=REMEDY) from None
-    except expat.ExpatError as bad:
-        raise DataError(str(path), limit=f"its model is damaged: {bad}", remedy=REMEDY) from None
-    except OSError as bad:
-        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="check it") from None
+    except expat.ExpatError as error:
+        raise DataError(str(path), limit=f"its model is damaged: {error}", remedy=REMEDY) from None
+    except OSError as error:
+        limit = f"cannot be read: {error.strerror or error}"
+        raise DataError(str(path), limit=limit, remedy="check the path and its permissions") from None
     return model
 
 
 def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
-    """Call `Model.start`; if a number is missing or invalid, raise an error that names the file."""
+    """Return `Model.start` with an error that names the file if a number is missing or invalid."""
 
     def start(name: str, attributes: dict[str, str]) -> None:
         try:
@@ -155,34 +155,34 @@ def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
     return start
 
 
-def _gather(
-    reference: dict[str, str], objects: dict[str, MeshObject], outer: FloatArray, pieces: Pieces, depth: int
+def _collect(
+    reference: dict[str, str], objects: dict[str, MeshObject], outer: FloatArray, meshes: CollectedMeshes, depth: int
 ) -> None:
-    """Add the object of an item or component, transformed by its own and all outer transformations."""
-    pieces.objects += 1
-    if depth > MAX_DEPTH or pieces.objects > MAX_OBJECTS:
-        raise ValueError("its objects contain one another")
+    """Add the object of an item or component, with its own transformation followed by the outer ones."""
+    meshes.objects += 1
+    if depth > MAX_DEPTH or meshes.objects > MAX_OBJECTS:
+        raise ValueError("objects contain one another")
     mesh_object = objects[str(reference.get("objectid"))]
-    moved = _transform(reference.get("transform")) @ outer
+    transform = _transform(reference.get("transform")) @ outer
     if len(mesh_object.vertices) or len(mesh_object.triangles):
         vertices = np.frombuffer(mesh_object.vertices).reshape(-1, 3)
         triangles = np.frombuffer(mesh_object.triangles, np.int64).reshape(-1, 3)
         if not np.isfinite(vertices).all():
-            raise ValueError("a number that is not finite")
-        if np.linalg.det(moved[:3, :3]) < 0.0:  # a reflection turns the mesh inside out
+            raise ValueError("a number is not finite")
+        if np.linalg.det(transform[:3, :3]) < 0.0:  # a reflection turns the mesh inside out
             triangles = triangles[:, ::-1]
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
             raise IndexError
-        pieces.add(vertices @ moved[:3, :3] + moved[3, :3], triangles)
-    for part in mesh_object.parts:
-        _gather(part, objects, moved, pieces, depth + 1)
+        meshes.add(vertices @ transform[:3, :3] + transform[3, :3], triangles)
+    for component in mesh_object.components:
+        _collect(component, objects, transform, meshes, depth + 1)
 
 
 def _transform(text: str | None) -> FloatArray:
-    """Return a matrix (4, 4) for rows of coordinates, from the twelve numbers in a 3MF."""
+    """Return the matrix (4, 4), which multiplies rows of coordinates, from its twelve numbers in a 3MF."""
     matrix = np.eye(4)
     if text:
         matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)
         if not np.isfinite(matrix).all():
-            raise ValueError("a number that is not finite")
+            raise ValueError("a number is not finite")
     return matrix

@@ -20,7 +20,7 @@ from solen.errors import DataError
 from solen.files import read_text
 from solen.lens.layered import MAX_LAYERS, LayeredLens
 from solen.results import HIDDEN, reported
-from solen.spec.objects import made, parsed
+from solen.spec.objects import build, parse_json
 from solen.spec.strict import error_context
 
 KIND, SCHEMA = "layers of a lens", 1
@@ -131,13 +131,13 @@ class _LayersFile:
 
 def read_layers(path: Path) -> Profiles:
     """Return the profiles in a file; raise `DataError` if it cannot be read or contains no profiles."""
-    data = parsed(read_text(path, DataError), str(path))
+    data = parse_json(read_text(path, DataError), str(path))
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
         limit = f'does not contain the layers of a lens: it has no "solen": "{KIND}"'
         raise DataError(str(path), limit=limit, remedy="write one with solen print predict --out")
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{path}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
-    found = made(_LayersFile, data, str(path))
+    found = build(_LayersFile, data, str(path))
     with error_context(str(path)):
         z = _table(found.z_mm)
         return Profiles(

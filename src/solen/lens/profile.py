@@ -23,7 +23,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
 from solen.results import Result, plain
-from solen.spec.objects import made, parsed
+from solen.spec.objects import build, parse_json
 from solen.spec.strict import error_context
 
 KIND = "lens profile"
@@ -190,13 +190,13 @@ class _ProfileFile:
 
 
 def _from_json(text: str, where: str) -> MeasuredProfile:
-    data = parsed(text, where)
+    data = parse_json(text, where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
         limit = f'is not a profile of a lens: it has no "solen": "{KIND}"'
         raise DataError(where, limit=limit, remedy="write one with solen print inspect")
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
-    fields = vars(made(_ProfileFile, data, where))
+    fields = vars(build(_ProfileFile, data, where))
     with error_context(where):
         return MeasuredProfile(
             **{"name": Path(where).stem} | {key: value for key, value in fields.items() if value != ""}

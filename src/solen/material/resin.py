@@ -313,7 +313,7 @@ def optical(design: Design) -> Optical:
     wavelength_nm = light_of(design).wavelength_nm
     with error_context(f"resin {resin.name}"):
         index, u_index = resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm)
-    stated = material.states_absorption
+    stated = material.sets_absorption
     return Optical(
         index,
         u_index,

@@ -20,7 +20,7 @@ from solen.material.index_table import gaps, thinned, without_u
 from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
 from solen.material.warning_prefixes import BY_ORIENTATION, NOT_STORED
 from solen.ranks import Caution, unranked, warning
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
 
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
@@ -320,7 +320,7 @@ READERS: dict[str, type[Reader]] = {
 
 def result_of(text: str, option: str) -> Reader:
     """Return a command's result from the text of its file, of the kind that an option requires."""
-    data = parsed(text, "JSON", remedy="write it with --out")
+    data = parse_json(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"
         raise DataError("kind", limit="is missing: not a result of solen", remedy=remedy)

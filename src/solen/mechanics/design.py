@@ -146,8 +146,8 @@ class LoadedBody:
         is_dark = face.part in DARK or wall.finish in ("mirror", "black")
         if finger.index is None or is_dark or not contact.u_from < contact.u_to:
             return None
-        if wall.finish_is_added or wall.outside != "air":
-            setting = f'finish = "{wall.finish}"' if wall.finish_is_added else f'outside = "{wall.outside}"'
+        if wall.has_plugin_finish or wall.outside != "air":
+            setting = f'finish = "{wall.finish}"' if wall.has_plugin_finish else f'outside = "{wall.outside}"'
             limit = (
                 f"the finger touches {face.name}, for which wall[{face.wall}] sets {setting}: the medium behind "
                 "the contact is ambiguous"

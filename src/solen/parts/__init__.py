@@ -1,6 +1,6 @@
-"""Parts: data of emitters, receivers, converters, trimmers and printers, and emitter light.
+"""Parts: data of emitters, receivers, ADCs, trimmers and printers, and the light of an emitter.
 
-`solen.parts.datasheet` defines the files and the library, `solen.parts.light` the light of a design's emitter, and
+`solen.parts.datasheet` defines part files and the library, `solen.parts.light` the light of a design's emitter, and
 `solen.parts.printer` the printers.
 """
 

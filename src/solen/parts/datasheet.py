@@ -1,9 +1,9 @@
-"""Datasheet files of emitters, receivers, converters and trimmers, with a small library.
+"""Part files of emitters, receivers, ADCs and trimmers, with a small library.
 
 Every number in a part file has a source. The file is TOML with ``schema = 1``, a ``name``, a ``kind``, the ``document``
 that it is based on, and a table for every quantity: ``min``, ``typical`` and ``max``, their ``basis`` (the part's own
-datasheet, the datasheet of a similar part, the profile of a slicing program, a measurement or an estimate) and
-their ``source``. Unknown values are omitted.
+datasheet, the datasheet of a similar part, the profile of a slicer, a measurement or an estimate) and their ``source``.
+Unknown values are omitted.
 
 `load_part`, `library` and `library_part` return `EmitterPart`, `ReceiverPart`, `AdcPart` or `TrimmerPart`.
 """
@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.spec.light import why_no_pattern
+from solen.spec.light import pattern_problem
 from solen.spec.shipped import Library
 from solen.spec.strict import (
     Migrations,
@@ -42,18 +42,18 @@ class Sourced(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     basis: Basis = Field(description="basis of the number: datasheet, sibling, profile, measured or estimate.")
-    source: Text = Field(description="source of the number, or method of the estimate, one line.")
+    source: Text = Field(description="source of the number, or method of the estimate, in one line.")
 
 
 class Quantity(Sourced):
-    """A positive number with its range, in the unit at the end of its key."""
+    """A positive number with its range; the key ends in its unit."""
 
     min: Positive | None = Field(None, description="Minimum.")
     typical: Positive | None = Field(None, description="Typical value.")
     max: Positive | None = Field(None, description="Maximum.")
 
     @model_validator(mode="after")
-    def _in_order(self) -> Self:
+    def _check_order(self) -> Self:
         values = [value for value in (self.min, self.typical, self.max) if value is not None]
         if not values:
             raise refused("", "has no value", remedy="add typical, or min and max")
@@ -69,68 +69,67 @@ class Quantity(Sourced):
 
 
 class PatternPart(Sourced):
-    """Rotationally symmetric relative radiant intensity against the angle from the axis, linearly interpolated."""
+    """Relative radiant intensity against the angle from the axis, rotationally symmetric and linearly interpolated."""
 
-    angle_deg: tuple[Angle, ...] = Field(description="angles from the axis in degrees, ascending from 0.")
-    relative: tuple[NotNegative, ...] = Field(description="relative intensity at these angles.")
+    angle_deg: tuple[Angle, ...] = Field(description="angles from the axis in degrees, in ascending order from 0.")
+    relative: tuple[NotNegative, ...] = Field(description="relative intensities at these angles.")
 
     @model_validator(mode="after")
-    def _ascends_from_0(self) -> Self:
-        if len(self.angle_deg) != len(self.relative):
-            raise refused(
-                "relative", f"must have as many values as angle_deg, {len(self.angle_deg)}", value=len(self.relative)
-            )
-        bad = why_no_pattern(tuple(zip(self.angle_deg, self.relative, strict=True)))
-        if bad:
-            raise refused("", bad)
+    def _check_pattern(self) -> Self:
+        _check_lengths("angle_deg", self.angle_deg, self.relative)
+        if problem := pattern_problem(tuple(zip(self.angle_deg, self.relative, strict=True))):
+            raise refused("", problem)
         return self
 
 
 class SpectrumPart(Sourced):
-    """Relative sensitivity against wavelength, linearly interpolated; constant beyond the ends."""
+    """Relative sensitivity against wavelength, linearly interpolated, and constant outside the range."""
 
-    wavelength_nm: tuple[Positive, ...] = Field(description="wavelengths in nm, ascending.")
-    relative: tuple[NotNegative, ...] = Field(description="relative sensitivity at these wavelengths.")
+    wavelength_nm: tuple[Positive, ...] = Field(description="wavelengths in nm, in ascending order.")
+    relative: tuple[NotNegative, ...] = Field(description="relative sensitivities at these wavelengths.")
 
     @model_validator(mode="after")
-    def _ascends(self) -> Self:
-        if len(self.wavelength_nm) != len(self.relative):
-            limit = f"must have as many values as wavelength_nm, {len(self.wavelength_nm)}"
-            raise refused("relative", limit, value=len(self.relative))
+    def _check_spectrum(self) -> Self:
+        _check_lengths("wavelength_nm", self.wavelength_nm, self.relative)
         if len(self.wavelength_nm) < 2 or any(low >= high for low, high in pairwise(self.wavelength_nm)):
-            raise refused("wavelength_nm", "must contain at least 2 ascending values")
+            raise refused("wavelength_nm", "must contain at least 2 values in ascending order")
         if not max(self.relative) > 0.0:
             raise refused("relative", "must not be 0 everywhere")
         return self
 
 
-class AdcRange(Sourced):
-    """One input range of a converter, with its input noise."""
+def _check_lengths(key: str, positions: tuple[float, ...], relative: tuple[float, ...]) -> None:
+    if len(relative) != len(positions):
+        raise refused("relative", f"has {len(relative)} values, but must have as many as {key}, {len(positions)}")
 
-    low_v: Number = Field(description="lowest voltage of the range, in V.")
-    high_v: Number = Field(description="highest voltage of the range, in V.")
-    noise_uv: NotNegative = Field(description="standard deviation of the converter noise, in µV.")
+
+class AdcRange(Sourced):
+    """An input range of an ADC, with its input noise."""
+
+    low_v: Number = Field(description="lower limit of the range, in V.")
+    high_v: Number = Field(description="upper limit of the range, in V.")
+    noise_uv: NotNegative = Field(description="standard deviation of the input noise, in µV.")
 
     @model_validator(mode="after")
-    def _is_a_range(self) -> Self:
+    def _check_range(self) -> Self:
         if not self.low_v < self.high_v:
             raise refused("high_v", f"must be above low_v = {self.low_v:g}", value=self.high_v)
         return self
 
 
 class Sheet(Strict):
-    """Keys required in every part file."""
+    """Keys of every part file."""
 
     error: ClassVar[type[SolenError]] = DataError
 
-    name: Text = Field(description="name of the part, one line.")
-    maker: Text = Field(description="manufacturer, one line.")
-    document: Text = Field(description="document that contains the numbers, one line.")
-    notes: str = Field("", description="Further remarks.")
+    name: Text = Field(description="name of the part, in one line.")
+    maker: Text = Field(description="manufacturer, in one line.")
+    document: Text = Field(description="document that contains the numbers, in one line.")
+    notes: str = Field("", description="Further information.")
 
     @property
     def estimates(self) -> tuple[str, ...]:
-        """Keys whose values are estimates rather than specifications or measurements."""
+        """Keys with values that are estimates, not specifications or measurements."""
         lists = {key: value if isinstance(value, tuple) else (value,) for key, value in self}
         return tuple(
             key
@@ -140,10 +139,10 @@ class Sheet(Strict):
 
 
 class Datasheet(Sheet):
-    """Optional keys of emitters and receivers."""
+    """Keys that emitters and receivers have in common."""
 
     half_angle_deg: Quantity | None = Field(
-        None, description="Angle from the axis at which intensity or sensitivity is half."
+        None, description="Angle from the axis at which the intensity or sensitivity is half of that on the axis."
     )
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
@@ -158,7 +157,7 @@ class EmitterPart(Datasheet):
     kind: Literal["emitter"] = Field(description="emitter.")
     peak_nm: Quantity = Field(description="a table with the peak wavelength.")
     fwhm_nm: Quantity | None = Field(None, description="Full width of the spectrum at half maximum.")
-    pattern: PatternPart = Field(description="a table with the relative intensity by angle.")
+    pattern: PatternPart = Field(description="a table with the relative intensity against angle.")
     width_mm: Quantity | None = Field(None, description="Width of the emitting chip.")
     height_mm: Quantity | None = Field(None, description="Height of the emitting chip.")
     intensity_mw_per_sr: Quantity | None = Field(None, description="Radiant intensity on the axis, in mW/sr.")
@@ -177,19 +176,19 @@ class ReceiverPart(Datasheet):
 
     kind: Literal["receiver"] = Field(description="receiver.")
     current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
-    sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
-    band_nm: Quantity | None = Field(None, description="Wavelengths of half sensitivity.")
+    sensitivity_nm: Quantity | None = Field(None, description="Wavelength at which the sensitivity is specified.")
+    band_nm: Quantity | None = Field(None, description="Wavelengths at which the sensitivity is half of its maximum.")
     max_current_ma: Quantity | None = Field(None, description="Maximum current, in mA.")
     supply_v: Quantity | None = Field(None, description="Voltage at which the sensitivity is specified, in V.")
     max_supply_v: Quantity | None = Field(None, description="Maximum voltage, in V.")
-    spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
+    spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity against wavelength.")
     saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(
         None,
-        description="Width of the knee above saturation in V, over which the shortfall of current "
+        description="Width of the knee above saturation, in V: the voltage over which the deficit of the current "
         "decreases by a factor of e.",
     )
-    gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor gain.")
+    gain: Quantity | None = Field(None, description="Transistor gain: collector current per photocurrent.")
     dark_na: Quantity | None = Field(None, description="Dark current at 25 °C, in nA.")
     dark_doubling_k: Quantity | None = Field(None, description="Temperature rise that doubles the dark current, in K.")
     rise_percent_per_k: Quantity | None = Field(None, description="Increase of the sensitivity per K, in percent.")
@@ -211,10 +210,10 @@ class TrimmerPart(Sheet):
 
     kind: Literal["trimmer"] = Field(description="trimmer.")
     resistance_ohm: Quantity = Field(description="a table with the total resistance in ohm.")
-    end_ohm: Quantity | None = Field(None, description="Residual resistance at the end, in ohm.")
-    turn_deg: Quantity | None = Field(None, description="Angle of rotation from one end to the other.")
+    end_ohm: Quantity | None = Field(None, description="Residual resistance at the end stop, in ohm.")
+    turn_deg: Quantity | None = Field(None, description="Angle of rotation from one end stop to the other.")
     drift_ppm_per_k: Quantity | None = Field(
-        None, description="Change of the resistance per K, in ppm, of either sign."
+        None, description="Temperature coefficient of the resistance, in ppm per K, of either sign."
     )
     power_mw: Quantity | None = Field(None, description="Maximum power, in mW.")
 
@@ -246,7 +245,7 @@ def library() -> tuple[str, ...]:
 
 @cache
 def library_part(name: str) -> Part:
-    """Return a part from the library; `DataError` with the nearest name if there is no part with this name."""
+    """Return a part from the library; raise `DataError` with the nearest name if no part has this name."""
     return _LIBRARY.shipped(name)
 
 

@@ -1,6 +1,6 @@
-"""Light of a design's emitter: from its own keys, or else from the named part.
+"""Light of a design's emitter: from the keys of the design, or else from the part that it names.
 
-A design contains the author's choices. Values from a datasheet or a file are looked up here once and then stored as
+A design contains only the author's choices. Values from a datasheet or a file are looked up here once and stored as
 plain numbers in `Light`.
 """
 
@@ -13,15 +13,19 @@ from solen.errors import DataError
 from solen.files import read_text
 from solen.parts.datasheet import EmitterPart, library_part, load_part
 from solen.spec import Design, Emitter
-from solen.spec.light import why_no_pattern
+from solen.spec.light import pattern_problem
 
-FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
-HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
-"""Gauss–Hermite nodes in standard deviations, from the centre outwards, and their weights."""
-FAR_NM = 40.0
-"""Wavelength difference above which an emitter counts as a different one."""
-CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
-"""Default full opening angles."""
+FWHM_PER_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
+HERMITE_NODES = (
+    (0.0, 0.533333333333333333),
+    (1.355626179974266, 0.222075922005612),
+    (2.856970013872806, 0.011257411327720),
+)
+"""Gauss–Hermite nodes in standard deviations, from the centre outwards, with their weights."""
+MAX_PEAK_DIFFERENCE_NM = 40.0
+"""Maximum difference between the peak wavelength of a part and a specified wavelength without a warning."""
+DEFAULT_CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
+"""Default full opening angle of each pattern."""
 
 Kind = Literal["fan", "uniform", "lambertian", "table"]
 
@@ -37,7 +41,7 @@ class Light:
     spectrum
         Wavelengths in nm with their weights; empty for a single wavelength.
     pattern, exponent, table
-        Kind of pattern, m of cos^m, and pairs of an angle in degrees and a relative intensity.
+        Kind of pattern, exponent m of cos^m, and pairs of an angle in degrees and a relative intensity.
     cone_deg
         Full opening angle.
     width_mm, height_mm
@@ -45,9 +49,9 @@ class Light:
     ray_file
         Path of a ray file that replaces all of these values except the wavelength.
     source
-        Description of the origin of these values.
+        Origin of these values: the part and its document, or the design.
     warnings
-        Warning if a specified wavelength contradicts the part.
+        A warning if the specified wavelength contradicts the part.
     """
 
     wavelength_nm: float
@@ -75,15 +79,15 @@ def light_of(design: Design) -> Light:
     table = _table(design, part)
     pattern: Kind = "table" if table else emitter.pattern
     wavelength_nm = emitter.wavelength_nm
-    if not emitter.states("wavelength_nm"):
-        wavelength_nm = _middle(emitter) or (part.peak_nm.nominal if part else wavelength_nm)
+    if not emitter.sets("wavelength_nm"):
+        wavelength_nm = _mean_nm(emitter) or (part.peak_nm.nominal if part else wavelength_nm)
     return Light(
         wavelength_nm=wavelength_nm,
         spectrum=_spectrum(emitter, part, wavelength_nm),
         pattern=pattern,
         exponent=emitter.exponent,
         table=table,
-        cone_deg=emitter.cone_deg if emitter.states("cone_deg") else CONES_DEG[pattern],
+        cone_deg=emitter.cone_deg if emitter.sets("cone_deg") else DEFAULT_CONES_DEG[pattern],
         width_mm=_size("width_mm", emitter, part),
         height_mm=_size("height_mm", emitter, part),
         ray_file=design.file_of(emitter.ray_file),
@@ -94,18 +98,18 @@ def light_of(design: Design) -> Light:
 
 def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
     """Return a warning if the part does not emit this light."""
-    if part is None or abs(part.peak_nm.nominal - wavelength_nm) <= FAR_NM:
+    if part is None or abs(part.peak_nm.nominal - wavelength_nm) <= MAX_PEAK_DIFFERENCE_NM:
         return ()
     return (
         f"emitter.part {part.name} emits at {part.peak_nm.nominal:g} nm, but the light is traced at the specified "
-        f"{wavelength_nm:g} nm: omit emitter.wavelength_nm (and spectrum), or name a part that emits there",
+        f"{wavelength_nm:g} nm; omit emitter.wavelength_nm and spectrum, or use a part that emits at this wavelength",
     )
 
 
 def gaussian_lines(peak_nm: float, fwhm_nm: float) -> tuple[tuple[float, float], ...]:
-    """Return five lines that represent a Gaussian spectrum, exact for powers of the wavelength up to the 9th."""
-    sigma = fwhm_nm / FWHM_OF_SIGMA
-    sides = [(sign * step, weight) for step, weight in HERMITE for sign in ((-1.0, 1.0) if step else (1.0,))]
+    """Return five spectral lines for a Gaussian spectrum, exact for polynomials in the wavelength up to degree 9."""
+    sigma = fwhm_nm / FWHM_PER_SIGMA
+    sides = [(sign * step, weight) for step, weight in HERMITE_NODES for sign in ((-1.0, 1.0) if step else (1.0,))]
     return tuple((peak_nm + sigma * step, weight) for step, weight in sorted(sides))
 
 
@@ -120,7 +124,7 @@ def _part(design: Design) -> EmitterPart | None:
     return part
 
 
-def _middle(emitter: Emitter) -> float | None:
+def _mean_nm(emitter: Emitter) -> float | None:
     """Return the mean wavelength of a specified spectrum."""
     if not emitter.spectrum:
         return None
@@ -128,7 +132,7 @@ def _middle(emitter: Emitter) -> float | None:
 
 
 def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
-    """Lines of a specified spectrum, or of a Gaussian spectrum with the specified width or the width of the part."""
+    """Return the specified spectral lines, or those of a Gaussian spectrum with the specified or the part's width."""
     if emitter.spectrum:
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
@@ -138,22 +142,23 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Return the pattern against angle: the table or file of the design, or else the pattern of the part."""
+    """Return the table of the pattern: from the design or its file, or else from the part."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:
         return read_pattern(path)
     if emitter.pattern_table is not None:
         return emitter.pattern_table
-    if part is not None and not emitter.states("pattern"):
+    if part is not None and not emitter.sets("pattern"):
         return tuple(zip(part.pattern.angle_deg, part.pattern.relative, strict=True))
     return ()
 
 
 def _size(name: Literal["width_mm", "height_mm"], emitter: Emitter, part: EmitterPart | None) -> float:
-    stated: float = getattr(emitter, name)
     quantity = getattr(part, name, None)
-    return quantity.nominal if quantity is not None and not emitter.states(name) else stated
+    if quantity is not None and not emitter.sets(name):
+        return float(quantity.nominal)
+    return float(getattr(emitter, name))
 
 
 def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
@@ -162,7 +167,7 @@ def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
     Raises
     ------
     DataError
-        If the file cannot be read (the message names the bad line), or the angles do not ascend from 0.
+        If the file cannot be read, a line is invalid, or the angles are not in ascending order from 0.
     """
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):
@@ -172,11 +177,9 @@ def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
         try:
             angle, relative = (float(word) for word in words)
         except ValueError:
-            raise DataError(
-                f"{path}: line {number}", value=line.strip(), limit="must be an angle and a number"
-            ) from None
+            limit = "must be an angle in degrees and a relative intensity"
+            raise DataError(f"{path}: line {number}", value=line.strip(), limit=limit) from None
         rows.append((angle, relative))
-    bad = why_no_pattern(rows)
-    if bad:
-        raise DataError(str(path), limit=bad)
+    if problem := pattern_problem(rows):
+        raise DataError(str(path), limit=problem)
     return tuple(rows)

@@ -1,11 +1,11 @@
-"""Printers that project entire layers: printer files, and a small library.
+"""Resin printers that expose a whole layer at once: printer files, and a small library.
 
-Slicing requires few properties of a printer: its pixels, build height and layer thickness limits; wavelength, image
-mirroring, plate lift and time between exposures are optional. As in part datasheets, each number has a basis:
-`Printer.unconfirmed` names estimates.
+Slicing requires few properties of a printer: its pixels, its build height and the limits of its layer thickness.
+Wavelength, mirroring of the images, plate lift and time between exposures are optional. As in part files, each number
+has a basis; `Printer.unconfirmed` names the estimates.
 
 `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, and `library_printer` reads a
-printer from the library. `printer_of` accepts a name or a file, as typed by a user.
+printer from the library. `printer_of` accepts a name or a path, as typed by a user.
 """
 
 import math
@@ -23,37 +23,37 @@ from solen.spec.strict import NotNegative, Positive
 
 MAX_PIXELS = 20_000
 """Maximum number of pixels along one side."""
-SURE = ("datasheet", "profile", "measured")
+CONFIRMED_BASES = ("datasheet", "profile", "measured")
 
 Axis = Literal["none", "x", "y"]
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_PIXELS)]
 
 
 class Pixels(Sourced):
-    """Numbers of projector pixels."""
+    """Numbers of pixels of the projector or screen."""
 
-    columns: Count = Field(description="pixels along X, an integer.")
-    rows: Count = Field(description="pixels along Y, an integer.")
+    columns: Count = Field(description="number of pixels along X.")
+    rows: Count = Field(description="number of pixels along Y.")
 
 
 class Mirror(Sourced):
-    """Axis along which images must be mirrored for the printer, for example for a screen seen from below."""
+    """Axis along which images must be mirrored for the printer, for example because its screen is seen from below."""
 
     axis: Axis = Field(description="x, y or none.")
 
 
 class Lift(Sourced):
-    """Movements and pauses of the plate between exposures, for the bottom layers and for all other layers."""
+    """Moves and pauses of the plate between exposures, for the bottom layers and for the other layers."""
 
     bottom_height_mm: NotNegative = Field(description="lift height of the bottom layers in mm.")
     height_mm: NotNegative = Field(description="lift height of the other layers in mm.")
     bottom_speed_mm_per_min: Positive = Field(description="lift speed of the bottom layers in mm/min.")
     speed_mm_per_min: Positive = Field(description="lift speed of the other layers in mm/min.")
     retract_mm_per_min: Positive = Field(description="retraction speed in mm/min.")
-    bottom_wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the bottom layers in s.")
-    wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the other layers in s.")
-    bottom_wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the bottom layers in s.")
-    wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the other layers in s.")
+    bottom_wait_before_s: NotNegative = Field(0.0, description="Pause before an exposure of a bottom layer in s.")
+    wait_before_s: NotNegative = Field(0.0, description="Pause before an exposure of another layer in s.")
+    bottom_wait_after_s: NotNegative = Field(0.0, description="Pause after an exposure of a bottom layer in s.")
+    wait_after_s: NotNegative = Field(0.0, description="Pause after an exposure of another layer in s.")
 
     def moves(self, *, bottom: bool) -> tuple[float, float, float, float]:
         """Return the height in mm and speed in mm/min of a lift, and the pauses before and after an exposure in s."""
@@ -67,7 +67,7 @@ class Lift(Sourced):
         return self.height_mm, self.speed_mm_per_min, self.wait_before_s, self.wait_after_s
 
     def pause_s(self, *, bottom: bool) -> float:
-        """Return the time between exposures: pauses, lift and return at full speed."""
+        """Return the time between exposures: the pauses, and the lift and retraction without acceleration."""
         height, speed, before, after = self.moves(bottom=bottom)
         return before + after + 60.0 * height * (1.0 / speed + 1.0 / self.retract_mm_per_min)
 
@@ -75,34 +75,36 @@ class Lift(Sourced):
 class Printer(Sheet):
     """Properties of a printer needed for slicing."""
 
-    pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
-    pitch_y_um: Quantity | None = Field(None, description="Side of a pixel along Y in µm, if pixels are not square.")
-    pixels: Pixels = Field(description="a table with the numbers of pixel columns and rows.")
+    pitch_um: Quantity = Field(description="a table with the width of a pixel on the plate in µm, along X.")
+    pitch_y_um: Quantity | None = Field(None, description="Height of a pixel along Y in µm, if pixels are not square.")
+    pixels: Pixels = Field(description="a table with the numbers of columns and rows of pixels.")
     build_height_mm: Quantity = Field(description="a table with the build height, in mm.")
     layer_um: Quantity | None = Field(None, description="Minimum and maximum layer thickness in µm.")
     wavelength_nm: Quantity | None = Field(None, description="Wavelength of the lamp in nm.")
     irradiance_mw_per_cm2: Quantity | None = Field(None, description="Irradiance at the window in mW/cm².")
-    pause_s: Quantity | None = Field(None, description="Time between two exposures in s: separation, lift, settling.")
+    pause_s: Quantity | None = Field(
+        None, description="Time between two exposures in s: separation, lift and settling."
+    )
     mirror: Mirror | None = Field(None, description="Axis along which images are mirrored.")
-    lift: Lift | None = Field(None, description="Plate movements, required for a .goo file.")
+    lift: Lift | None = Field(None, description="Moves of the plate, required for a .goo file.")
     layer_exposures: Sourced | None = Field(
-        None, description="Evidence that the printer uses the individual layer exposures in its file."
+        None, description="Evidence that the printer uses the exposure time of each layer in its file."
     )
 
     @property
     def pitches_mm(self) -> tuple[float, float]:
-        """Pixel sides on the plate in mm, along X and Y."""
-        across = self.pitch_um.nominal / 1000.0
-        return across, across if self.pitch_y_um is None else self.pitch_y_um.nominal / 1000.0
+        """Sizes of a pixel on the plate in mm, along X and Y."""
+        x_um, y_um = self.pitch_um.nominal, (self.pitch_y_um or self.pitch_um).nominal
+        return x_um / 1000.0, y_um / 1000.0
 
     @property
     def pixel_mm2(self) -> float:
-        """Pixel area on the plate."""
+        """Area of a pixel on the plate."""
         return math.prod(self.pitches_mm)
 
     @property
     def pixel_text(self) -> str:
-        """Description of the pixel sides, in µm."""
+        """Size of a pixel in µm, as printed: ``50`` or ``19 x 24``."""
         return " x ".join(dict.fromkeys(f"{1000.0 * side:.5g}" for side in self.pitches_mm))
 
     @property
@@ -125,13 +127,13 @@ class Printer(Sheet):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """Names of numbers that determine the layers but are only estimates."""
-        deciding: dict[str, Sourced] = {
+        """Names of the numbers that determine the layers but are only estimates."""
+        numbers: dict[str, Sourced] = {
             "pixel pitch": self.pitch_um,
             "pixel counts": self.pixels,
             "build height": self.build_height_mm,
         }
-        return tuple(name for name, number in deciding.items() if number.basis not in SURE)
+        return tuple(name for name, number in numbers.items() if number.basis not in CONFIRMED_BASES)
 
 
 def _library() -> Library[Printer]:
@@ -144,7 +146,7 @@ def printers() -> tuple[str, ...]:
 
 
 def library_printer(name: str) -> Printer:
-    """Return a printer from the library; `DataError` with the nearest name if there is no printer with this name."""
+    """Return a printer from the library; raise `DataError` with the nearest name if no printer has this name."""
     return _library().shipped(name)
 
 
@@ -166,9 +168,9 @@ def printer_of(text: str) -> Printer:
 
 
 class PrinterSummary(Result):
-    """Properties of a printer needed for slicing: pixels, build volume, and which numbers are estimates.
+    """Properties of a printer needed for slicing: pixels, build volume, layer limits, and which numbers are estimates.
 
-    ``pitch_um`` is the pixel side along X and ``pitch_y_um`` along Y; the layer limits are None if they are unknown.
+    ``pitch_um`` and ``pitch_y_um`` are the sizes of a pixel along X and Y; layer limits are None if they are unknown.
     """
 
     printer: str

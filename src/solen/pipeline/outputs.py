@@ -120,6 +120,11 @@ def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]
             raise OutputError(str(path), limit="is an input file", remedy="specify another file")
 
 
+def check_different(targets: Iterable[Path]) -> None:
+    """Raise `OutputError` if two output files of a command have the same path."""
+    files.joined(*({path: b""} for path in targets))
+
+
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Raise `SpecError` if an option is not one of its choices."""
     if value not in choices:

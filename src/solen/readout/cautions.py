@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from solen.parts.light import FAR_NM
+from solen.parts.light import MAX_PEAK_DIFFERENCE_NM
 from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
@@ -55,7 +55,7 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
             f"sensitivity, which reduces the signal by a factor of {1.0 / part.response:.3g}; "
             f"{_remedy(part.name)}"
         )
-    if abs(drive.peak_nm - wavelength_nm) > FAR_NM:
+    if abs(drive.peak_nm - wavelength_nm) > MAX_PEAK_DIFFERENCE_NM:
         yield (
             f"the power is that of {drive.name}, which emits at {drive.peak_nm:g} nm, but the light is traced at "
             f"{wavelength_nm:g} nm: set readout.emitter_part to the emitter of this design"

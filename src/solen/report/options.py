@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from solen.errors import OutputError, SpecError
-from solen.spec.strict import Finite, Options, or_refuse
+from solen.spec.strict import Finite, Options, reported_as
 
 PIXELS = (".png", ".tiff", ".tif")
 KINDS = (".svg", ".pdf", ".eps", *PIXELS)
@@ -38,7 +38,7 @@ class FigureOptions(Options):
     """Font size of the lettering; by default 9, or 8 with --width-mm. No lettering is smaller than 6."""
     no_titles: bool = False
     """Omit titles from the picture, except a note that data are simulated; the file's description keeps them."""
-    letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), or_refuse(LETTERS_LIMIT)] = None
+    letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), reported_as(LETTERS_LIMIT)] = None
     """Letter the panels, starting with: A, a, (a); or E for the panels of a figure assembled from several files."""
     panels: str = ""
     """Draw only some panels, such as AC; the first is A, AA comes after Z. Separate double letters by commas: A,AA."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from solen.report.options import FigureOptions
 
 FIGURES = {
-    "AsPrinted": "print.predict_figure:printed_figure",
+    "AsPrinted": "print.as_printed:as_printed_figure",
     "Convergence": "design.figures:convergence_figure",
     "CouponMeasurement": "print.fidelity:fidelity_figure",
     "CouponSet": "print.coupons:plans_figure",
@@ -47,7 +47,7 @@ FIGURES = {
     "NetworkStudy": "design.network:network_figure",
     "NetworkTrace": "design.network:rays_in_turn",
     "Optimum": "explore.optimise:optimum_figure",
-    "PrintedDesign": "print.predict:printed_figure",
+    "PrintedDesign": "print.predict:prediction_figure",
     "PrintedLayers": "print.printed_layers:layers_figure",
     "PrinterCalibration": "print.calibrate:calibration_figure",
     "RefractometerIndex": "resin.refractometer:refractometer_figure",

@@ -14,7 +14,7 @@ from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sources import Ambient, Beam, Chip, Emitter, Fan, RayFile, Rays, Source
-from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
+from solen.spec.objects import CURVES, build, build_kind, check_keys, parse_json, value_of
 from solen.spec.strict import error_context
 
 SCHEMA = 1
@@ -87,8 +87,8 @@ def loads(text: str, where: str = "scene") -> Scene:
     return Scene(
         regions=tuple(_region(item, _at(where, "regions", i)) for i, item in enumerate(lists["regions"])),
         interfaces=tuple(_interface(item, _at(where, "interfaces", i)) for i, item in enumerate(lists["interfaces"])),
-        sources=tuple(untagged(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
-        monitors=tuple(made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
+        sources=tuple(build_kind(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
+        monitors=tuple(build(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
         name=value_of(str, data.get("name", "scene"), f"{where}: name"),
         open_media=value_of(bool, data.get("open_media", False), f"{where}: open_media"),
         extrusion=value_of(Extrusion | None, data.get("extrusion"), f"{where}: extrusion"),
@@ -106,7 +106,7 @@ def save(path: Path | str, scene: Scene) -> Path:
 
 
 def _parsed(text: str, where: str) -> dict[str, Any]:
-    data = parsed(text, where)
+    data = parse_json(text, where)
     if not isinstance(data, dict) or "solen_scene" not in data:
         raise DataError(where, limit="is not a solen scene: it has no key solen_scene")
     return data
@@ -142,13 +142,13 @@ def _region(data: dict[str, Any], where: str) -> Region:
     """Read a region; its index is a number, or an object that specifies the kind of dispersion."""
     index = data.get("index")
     if not isinstance(index, dict):
-        return made(Region, data, where)
+        return build(Region, data, where)
     kind = index.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise DataError(f"{where}: index: kind", value=kind, limit=f"must be one of {', '.join(KINDS)}")
     with error_context(f"{where}: index"):
         dispersion = KINDS[kind](**index)
-    return made(Region, {**data, "index": dispersion}, where)
+    return build(Region, {**data, "index": dispersion}, where)
 
 
 def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def _interface(data: dict[str, Any], where: str) -> Interface:
     curve = data.get("curve")
     if not isinstance(curve, dict):
         raise DataError(f"{where}: curve", limit="must be an object with a kind")
-    return made(Interface, {**data, "curve": untagged(curve, CURVES, f"{where}: curve")}, where)
+    return build(Interface, {**data, "curve": build_kind(curve, CURVES, f"{where}: curve")}, where)
 
 
 def _at(where: str, part: str, number: int) -> str:

@@ -82,7 +82,7 @@ def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Sour
     """Return the source of a light; for a fan pattern, a `Fan` or `Chip` with uniformly spaced angles."""
     count = design.emitter.rays if rays is None else rays
     if light.ray_file is not None:
-        selected = count if rays is not None or design.emitter.states("rays") else None
+        selected = count if rays is not None or design.emitter.sets("rays") else None
         return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, selected)
     width_mm = light.width_mm or pose.width_mm
     if light.pattern == "fan" and width_mm == 0.0:
@@ -138,7 +138,7 @@ def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
         return Interface(face.name, face.curve, left, AIR.name, behaviour)
     wall = walls[face.wall]
     finish = FINISHES[wall.finish]
-    surface = finish.surface if wall.finish_is_added else _surface(wall)
+    surface = finish.surface if wall.has_plugin_finish else _surface(wall)
     treatment = None if surface == Surface() else surface
     return Interface(face.name, face.curve, left, wall.outside, finish.behaviour, surface=treatment)
 

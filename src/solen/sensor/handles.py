@@ -127,7 +127,7 @@ def _emitter_handle(
 def _drawn_emitter_handle(design: Design, body: Body, rest: Body) -> Handle:
     """Return the handle of an outline's emitter, whose position in the design replaces the drawn one."""
     drawn = {"axis_deg": rest.emitter.axis_deg} if design.emitter.axis_deg is None else {}
-    if rest.emitter.width_mm and not design.emitter.states("width_mm"):
+    if rest.emitter.width_mm and not design.emitter.sets("width_mm"):
         drawn["width_mm"] = rest.emitter.width_mm
     defaults = {f"emitter.{key}": round(value, 6) for key, value in drawn.items()}
 

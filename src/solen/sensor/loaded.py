@@ -208,7 +208,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         sensor=sensor,
         name=sensor.design.name,
         drives=motion.drives or "",
-        **motion.named(state.value),
+        **motion.keyed(state.value),
         turn_deg=state.turn_deg,
         shift_mm=(after[0] - before[0], after[1] - before[1]),
         strain_largest=state.deformed.strain_largest,

@@ -107,7 +107,7 @@ def why_inert(sensor: "Sensor", key: str) -> str:
             resin or _is_matched(sensor),
             "follows from the resin and the wavelength" if resin else MATCHED_REASON,
         ),
-        "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
+        "material.absorption_per_mm": (resin and not design.material.sets_absorption, "follows from the resin"),
         "lens.focus_mm": (not sensor.has_lens, "the design has no lens"),
         "lens.design_index": (
             not sensor.has_lens or design.lens.design_index is None,

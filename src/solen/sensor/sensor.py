@@ -24,7 +24,7 @@ from solen.sensor.derivatives import SAMPLED_TOLERANCE, derivative_of, sensitivi
 from solen.sensor.response import Reading, Response, Sensitivity
 from solen.sensor.sweep import MAX_ANGLES, balanced, midpoints, mirrored, readings_at
 from solen.spec import Design, load, with_values
-from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
+from solen.spec.body import SHAPE_KEYS
 from solen.spec.placed import lit, state_of, states
 from solen.trace import Derivative, Mode, Slope, Trace, integrate, trace
 from solen.trace.adaptive import default_tolerance, why_not
@@ -33,7 +33,7 @@ from solen.trace.nets import by_nets
 
 MAX_SAMPLED = 2**19
 """Largest number of sampled rays."""
-NO_SHAPE_KEYS: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
+NO_SHAPE_KEYS: dict[str, Any] = {f"lens.{key}": None for key, *_ in SHAPE_KEYS}
 """Values that remove, with `solen.spec.with_values`, all keys that apply to some shapes of lens only."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""

@@ -115,7 +115,7 @@ def trace_design(
         sensor=sensor,
         value=angle_deg,
         name=sensor.design.name,
-        **sensor.design.motion.named(angle_deg),
+        **sensor.design.motion.keyed(angle_deg),
         lens=sensor.design.lens.shape,
         in_space=scene.extrusion is not None,
         faces=face_names(scene),
@@ -130,7 +130,7 @@ def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConverge
     result = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
     return DesignConvergence(
         **vars(result),
-        **sensor.design.motion.named(angle_deg),
+        **sensor.design.motion.keyed(angle_deg),
         name=sensor.design.name,
         emitter=sensor.design.network.lit,
         warnings=tuple(sensor.warnings),
@@ -146,7 +146,7 @@ def sensitivities(
     skipped = {} if keys else {key: why for key in optical_keys(sensor) if (why := why_inert(sensor, key))}
     return Sensitivities(
         name=sensor.design.name,
-        **sensor.design.motion.named(angle_deg),
+        **sensor.design.motion.keyed(angle_deg),
         sensitivities=rows,
         skipped=skipped,
         warnings=tuple(sensor.warnings),

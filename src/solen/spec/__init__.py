@@ -1,8 +1,7 @@
-"""The design file: the user's choices for a sensor, validated and frozen before any physics.
+"""The design file: the user's choices for a sensor, validated and frozen before anything is computed.
 
-`Design` is defined in `solen.spec.design`, and each of its tables in a module of its own. `solen.spec.toml` reads and
-writes design files, `solen.spec.template` provides the shipped designs, and `solen.spec.strict` validates every TOML
-file of solen.
+`solen.spec.design` defines `Design`; other modules define its tables. `solen.spec.toml` reads and writes design files,
+`solen.spec.template` provides the shipped designs, and `solen.spec.strict` validates all of solen's TOML files.
 """
 
 from solen.spec.body import Body, Lens, Material, Receivers

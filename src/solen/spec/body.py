@@ -6,10 +6,10 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from solen.registry import BODY_KINDS, Registry, plugin_entries
 from solen.spec.quantities import Index, Length
-from solen.spec.strict import NotNegative, Number, Strict, Text, or_refuse, refused
+from solen.spec.strict import NotNegative, Number, Strict, Text, refused, reported_as
 
 Keys = dict[str, tuple[str, ...]]
-"""Key names, listed for each table name."""
+"""Keys, listed by table."""
 
 UNUSED_KEYS: dict[str, Keys] = {
     "y": {
@@ -47,7 +47,7 @@ UNUSED_KEYS: dict[str, Keys] = {
         ),
     },
 }
-"""The built-in body kinds, each with the keys that it does not use; `solen.geometry.kinds` builds the bodies."""
+"""The keys that each built-in kind of body does not use; `solen.geometry.kinds` builds the bodies."""
 
 
 def unused_keys(kind: str) -> Keys:
@@ -58,7 +58,7 @@ def unused_keys(kind: str) -> Keys:
     return added
 
 
-def _known_kind(kind: str) -> str:
+def _check_kind(kind: str) -> str:
     if kind not in UNUSED_KEYS and kind not in plugin_entries(BODY_KINDS):
         known = dict.fromkeys([*UNUSED_KEYS, *plugin_entries(BODY_KINDS)])
         raise refused("", f"must be {' or '.join(map(repr, known))}", value=kind)
@@ -74,7 +74,7 @@ class Parameters(Strict):
 
     @property
     def values(self) -> dict[str, float]:
-        """The values of the parameters, by name."""
+        """The values of the parameters, keyed by name."""
         return dict(self.__pydantic_extra__)
 
 
@@ -95,32 +95,32 @@ class Material(Strict):
     )
 
     @model_validator(mode="after")
-    def _one_of_index_and_resin(self) -> Self:
+    def _check_index_or_resin(self) -> Self:
         if self.index is not None and self.resin is not None:
-            raise refused("", "defines both index and resin", remedy="keep one of the two")
+            raise refused("", "contains both index and resin", remedy="omit one of them")
         if self.index is None and self.resin is None:
-            raise refused("", "defines neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+            raise refused("", "contains neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
         return self
 
     @property
-    def states_absorption(self) -> bool:
-        """Whether the file gives the absorption coefficient; it then overrides the resin's value, even if 0."""
+    def sets_absorption(self) -> bool:
+        """Whether the design sets the absorption coefficient; it then overrides the resin's value, even if it is 0."""
         return "absorption_per_mm" in self.model_fields_set
 
 
 YFocus = Annotated[
     Length | Literal["collimated", "body"],
-    or_refuse('must be "collimated", "body" or a finite number of at least 1e-6'),
+    reported_as('must be "collimated", "body" or a finite number of at least 1e-6'),
 ]
 
-
-OF_SHAPES = (
+SHAPE_KEYS = (
     ("y_focus_mm", "line-focus"),
     ("layer_mm", "layered"),
     ("knots_um", "spline", "measured"),
     ("min_feature_um", "spline", "measured"),
 )
 """Lens keys, each followed by the lens shapes that use it."""
+
 Deviation = Annotated[Number, Field(ge=-1e4, le=1e4)]
 """Deviation of a lens surface from the Cartesian oval, in µm."""
 
@@ -144,62 +144,60 @@ class Lens(Strict):
 
     shape: Literal["cartesian-oval", "spline", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
-        description="Shape of the lens. cartesian-oval; spline: a free form, the oval with a deviation at knots_um; "
-        "line-focus: a smooth surface that focuses rays in space on one line; layered: the same in upright layers, "
-        "each with its own profile; measured: the profile measured on the printed lens; none: a flat face at the "
-        "stem's base, distance_mm behind the emitter.",
+        description="Shape of the lens. cartesian-oval; spline: a free form, the oval plus a deviation given by "
+        "knots_um; line-focus: a smooth surface that focuses rays in space on one line; layered: the same in upright "
+        "layers, each with its own profile; measured: the profile measured on the printed lens; none: a flat face at "
+        "the stem's base, distance_mm from the emitter.",
     )
     y_focus_mm: YFocus | None = Field(
         None,
-        description="For line-focus: distance in mm before the vertex from which light in the body seems to "
-        "diverge in y; collimated; or body, the shortest distance at which top and bottom reflect all light totally. "
-        "Default: body.",
+        description="For line-focus: distance in mm in front of the vertex from which light in the body appears to "
+        "diverge in y; collimated; or body: the shortest distance at which the top and the bottom reflect all light "
+        "totally. Default: body.",
     )
     layer_mm: Length | None = Field(
         None,
-        description="For layered: height of each layer of the lens in mm, which spans one or several "
-        "printed layers; default: 0.025.",
+        description="For layered: height in mm of each layer of the lens, which spans one or more printed layers; "
+        "default: 0.025.",
     )
     knots_um: Annotated[tuple[Deviation, ...], Field(min_length=1, max_length=64)] | None = Field(
         None,
-        description="For spline, and for measured if a spline was printed: deviation from the oval along z in µm "
-        "at evenly spaced lateral positions, from the axis towards the edge, where it is 0. Negative values add "
-        "material.",
+        description="For spline, and for measured if a spline was printed: deviations from the oval along z in µm, "
+        "at evenly spaced lateral positions from the axis towards the edge, where the deviation is 0. Negative values "
+        "add material.",
     )
     min_feature_um: Annotated[Number, Field(gt=0, le=1e4)] | None = Field(
         None,
-        description="Smallest width in µm of a bump or dimple of knots_um, and smallest radius of curvature; "
-        "solen warns of smaller ones, which a printer rounds off. Default: 130.",
+        description="Minimum width in µm of a bump or dimple of knots_um, and minimum radius of curvature; solen "
+        "warns of smaller ones, which a printer rounds off. Default: 130.",
     )
     profile: Text | None = Field(
         None,
-        description='With shape = "measured": measured profile of the lens, a file of solen print inspect or a table '
-        'of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered": profiles of all layers, from '
-        "solen print predict.",
+        description='With shape = "measured": measured profile of the lens, a file written by solen print inspect or '
+        'a table of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered": profiles of all layers, '
+        "written by solen print predict.",
     )
-    focus_mm: Length = Field(20.0, description="Focal distance in mm from the vertex, inside the body.")
+    focus_mm: Length = Field(20.0, description="Distance of the focus from the vertex in mm, inside the body.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
     design_index: Index | None = Field(
         None,
-        description="Refractive index that the lens is designed for; default: the material's at "
-        "the emitter's wavelength.",
+        description="Refractive index for which the lens is designed; default: that of the material at the "
+        "emitter's wavelength.",
     )
 
     @model_validator(mode="after")
-    def _keys_of_its_shape(self) -> Self:
+    def _check_shape_keys(self) -> Self:
         if self.shape == "measured" and self.profile is None:
-            raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+            raise refused("profile", 'missing: required with shape = "measured"', remedy='add profile = "lens.json"')
         if self.shape == "spline" and self.knots_um is None:
             remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
-            raise refused("knots_um", 'missing: shape = "spline" needs it', remedy=remedy)
+            raise refused("knots_um", 'missing: required with shape = "spline"', remedy=remedy)
         if self.min_feature_um is not None and self.knots_um is None:
             limit = "does not apply without knots_um"
-            raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="leave it out")
+            raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="omit it")
         if self.layer_mm is not None and self.profile is not None:
-            raise refused(
-                "layer_mm", "does not apply with profile", value=self.layer_mm, remedy="leave one of them out"
-            )
-        for key, *shapes in OF_SHAPES:
+            raise refused("layer_mm", "does not apply with profile", value=self.layer_mm, remedy="omit one of them")
+        for key, *shapes in SHAPE_KEYS:
             if getattr(self, key) is not None and self.shape not in shapes:
                 limit, remedy = f'does not apply with shape = "{self.shape}"', f'set shape = "{shapes[0]}"'
                 raise refused(key, limit, value=getattr(self, key), remedy=remedy)
@@ -217,11 +215,11 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms, or a custom outline."""
+    """The printed guide: a stem with parabolic edges that forks into two arms, or another kind of body."""
 
     table: ClassVar[str] = "body"
 
-    kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
+    kind: Annotated[Text, AfterValidator(_check_kind)] = Field(
         "y",
         description="Shape of the body: a Y, an outline read from a file, a network of guides, or a kind from another "
         "package.",
@@ -235,10 +233,10 @@ class Body(Strict):
         description="Drawing of an outline or a network, .dxf, .svg or .json, relative to the design file.",
     )
     units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
-        None, description="Unit of the drawing; default: the unit that the drawing states."
+        None, description="Unit of the drawing; default: the unit given in the drawing."
     )
     join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
-        None, description="Largest gap in mm between line ends that are joined; default: 0.001."
+        None, description="Maximum gap in mm between ends of lines that are joined; default: 0.001."
     )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
@@ -248,9 +246,9 @@ class Body(Strict):
     arm_width_mm: Length = Field(3.0, description="Width of an arm in mm.")
     arm_angle_deg: Annotated[Number, Field(gt=0, lt=90)] | None = Field(
         None,
-        description="Angle of an arm from the axis in degrees; default: tangent to the stem's edge at the fork.",
+        description="Angle between an arm and the axis in degrees; default: tangent to the stem's edge at the fork.",
     )
-    thickness_mm: Length = Field(4.0, description="Thickness in mm, along y.")
+    thickness_mm: Length = Field(4.0, description="Thickness along y in mm.")
 
     @property
     def lens_is_drawn(self) -> bool:
@@ -259,7 +257,7 @@ class Body(Strict):
 
 
 class Receivers(Strict):
-    """The two receivers at the arm ends, and the coupling of light to them."""
+    """The two receivers at the ends of the arms, and their optical coupling."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -272,20 +270,20 @@ class Receivers(Strict):
     reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm"})
 
     coupling: Literal["matched", "air-gap"] = Field(
-        "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
+        "matched", description="Black and index-matched to the ends of the arms, or behind an air gap of gap_mm."
     )
-    gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    gap_mm: Length | None = Field(None, description='Air gap in mm; required with coupling = "air-gap", and only then.')
     height_mm: Length | None = Field(
         None,
-        description='Height in mm along y, centred, with dimension = "extruded"; default: the full thickness.',
+        description='Height along y in mm, centred; used with dimension = "extruded"; default: the full thickness.',
     )
 
     @model_validator(mode="after")
-    def _gap_with_air_gap_only(self) -> Self:
+    def _check_gap(self) -> Self:
         if self.coupling == "air-gap" and self.gap_mm is None:
-            raise refused("gap_mm", 'missing: coupling = "air-gap" needs it', remedy="add gap_mm = 0.5")
+            raise refused("gap_mm", 'missing: required with coupling = "air-gap"', remedy="add gap_mm = 0.5")
         if self.coupling != "air-gap" and self.gap_mm is not None:
-            remedy = 'leave it out, or set coupling = "air-gap"'
+            remedy = 'omit it, or set coupling = "air-gap"'
             raise refused(
                 "gap_mm", f'does not apply with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
             )

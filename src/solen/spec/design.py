@@ -1,7 +1,7 @@
 """The design: everything that determines a sensor and its simulation, as frozen tables.
 
-A `Design` stores the user's choices and nothing derived from them. Its keys are those of the design file and include
-their units. The defaults describe the paper's sensor at 860 nm, so a file contains only the differences. Later stages
+A `Design` stores the user's choices and nothing derived from them. Its keys are those of the design file; they end in
+the unit. The defaults describe the paper's sensor at 860 nm, so a file contains only the differences. Later stages
 check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
 Public names: `Design` and `Trace`.
@@ -22,7 +22,7 @@ from solen.spec.motion import Motion
 from solen.spec.network import Network
 from solen.spec.readout import Readout
 from solen.spec.soft import Hold, Mechanics, Press, Pull
-from solen.spec.strict import Strict, Text, nearest, or_refuse
+from solen.spec.strict import Strict, Text, nearest, reported_as
 from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
 
@@ -30,27 +30,27 @@ READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
 """Readout keys that name parts."""
 
 
-def names_file(name: str | None) -> bool:
-    """Return whether a resin or a part is given as a file path rather than as a name in the library."""
+def is_file_path(name: str | None) -> bool:
+    """Return whether a resin or a part is specified by the path of a file, not by a name in the library."""
     return name is not None and (name.endswith(".toml") or "/" in name or "\\" in name)
 
 
 class Trace(Strict):
-    """How rays are traced."""
+    """Options of the ray trace."""
 
     table: ClassVar[str] = "trace"
     reserved: ClassVar[frozenset[str]] = frozenset({"min_weight", "seed"})
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
-        description="How a ray meets a face: it is refracted or totally reflected with its whole power; it "
-        "splits into both Fresnel branches; or it follows one Fresnel branch, chosen at random.",
+        description="What a ray does at a face. count: it is refracted, or totally reflected, with all its power; "
+        "power: it splits into both Fresnel branches; roulette: it follows one branch, chosen at random.",
     )
     dimension: Annotated[
-        Literal["2d", "extruded"], or_refuse("must be '2d' (in the plane) or 'extruded' (in space)")
+        Literal["2d", "extruded"], reported_as("must be '2d' (in the plane) or 'extruded' (in space)")
     ] = Field(
         "2d",
-        description="Trace in the plane of the sensor only, or in space through a body of thickness body.thickness_mm.",
+        description="2d: in the plane of the sensor; extruded: in space, in a body of thickness body.thickness_mm.",
     )
 
 
@@ -69,15 +69,15 @@ class Design(Strict):
     network: Network = Field(
         default_factory=Network, description="Guides, lenses, emitters and receivers of a network."
     )
-    wall: tuple[Wall, ...] = Field((), description="Surface finish of parts of the walls, and the medium outside them.")
+    wall: tuple[Wall, ...] = Field((), description="Surface finish of parts of the walls, and the medium outside.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     hold: tuple[Hold, ...] = Field((), description="Supports of a soft body.")
     press: tuple[Press, ...] = Field((), description="Fingers that press on the soft body.")
     pull: tuple[Pull, ...] = Field((), description="Forces that pull on the soft body.")
-    mechanics: Mechanics = Field(default_factory=Mechanics, description="How it gives.")
-    trace: Trace = Field(default_factory=Trace, description="How rays are traced.")
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="Tolerances of the design's numbers.")
+    mechanics: Mechanics = Field(default_factory=Mechanics, description="Elasticity of the soft body.")
+    trace: Trace = Field(default_factory=Trace, description="Options of the ray trace.")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="Tolerances of the numbers in the design.")
     fabricate: Fabricate = Field(
         default_factory=Fabricate, description="Seats for the electronics in the printed part."
     )
@@ -87,9 +87,9 @@ class Design(Strict):
     _shared: Emitter | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
-    def _tables_fit_together(self) -> Self:
+    def _check_tables(self) -> Self:
         if self.body.lens_is_drawn and "moves" not in self.motion.model_fields_set:
-            # of an outline nothing but the emitter can be known to move without tearing it
+            # only the emitter can move without tearing a drawn outline
             self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
         check_combinations(self)
         return self
@@ -102,7 +102,7 @@ class Design(Strict):
         values
             New values by dotted key, as in TOML: ``{"lens.focus_mm": 25}``; None resets an optional key to its default.
         keys
-            New values of keys that occur in a single table, by their undotted name: ``focus_mm=25``.
+            New values of keys that occur in a single table, without its name: ``focus_mm=25``.
 
         Raises
         ------
@@ -122,10 +122,12 @@ class Design(Strict):
         if key == "name" or len(dotted) == 1:
             return dotted[0] if dotted else key
         if dotted:
-            remedy = f'name its table: design.set({{"{dotted[0]}": ...}})'
+            remedy = f'specify the table: design.set({{"{dotted[0]}": ...}})'
             raise SpecError(key, limit=f"is a key of several tables: {', '.join(dotted)}", remedy=remedy)
         near = nearest(key, (field for fields in keys.values() for field in fields))
-        raise SpecError(key, limit="unknown key", remedy=f"did you mean {near}?" if near else "solen schema lists them")
+        raise SpecError(
+            key, limit="unknown key", remedy=f"did you mean {near}?" if near else "list the keys with solen schema"
+        )
 
     @property
     def folder(self) -> Path:
@@ -135,23 +137,22 @@ class Design(Strict):
     @property
     def resin_file(self) -> Path | None:
         """Path of the resin file, or None if the design gives an index or names a resin in the library."""
-        return self.file_of(self.material.resin) if names_file(self.material.resin) else None
+        return self.named_file(self.material.resin)
 
     @property
     def part_file(self) -> Path | None:
         """Path of the emitter's part file, or None if the emitter has no part or its part is in the library."""
-        return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
+        return self.named_file(self.emitter.part)
 
     @property
     def receiver_file(self) -> Path | None:
         """Path of the part file of the receiver that the pockets fit, or None if that receiver is in the library."""
-        name = self.fabricate.receiver_part
-        return self.file_of(name) if names_file(name) else None
+        return self.named_file(self.fabricate.receiver_part)
 
     @property
     def files(self) -> dict[str, Path]:
-        """Paths of the files named in the design, by key."""
-        found = {
+        """Paths of the files named in the design, keyed by design key."""
+        paths = {
             "material.resin": self.resin_file,
             "emitter.part": self.part_file,
             "emitter.pattern_file": self.file_of(self.emitter.pattern_file),
@@ -161,29 +162,29 @@ class Design(Strict):
             "fabricate.receiver_part": self.receiver_file,
             **{f"readout.{key}": self.named_file(getattr(self.readout, key)) for key in READOUT_PARTS},
         }
-        return {key: path for key, path in found.items() if path is not None}
+        return {key: path for key, path in paths.items() if path is not None}
 
     def file_of(self, name: str | None) -> Path | None:
         """Return the path of a file named in the design, or None if the name is None."""
         return None if name is None else self._folder / name
 
     def named_file(self, name: str | None) -> Path | None:
-        """Return the path of a part file, or None if the part is in the library or not specified."""
-        return self.file_of(name) if names_file(name) else None
+        """Return the path of a resin or part file, or None if it is in the library or not specified."""
+        return self.file_of(name) if is_file_path(name) else None
 
     @property
     def profile_file(self) -> Path | None:
-        """Path of the measured lens's profile, or None if the design names none."""
+        """Path of the profile of a measured or layered lens, or None if the design names none."""
         return self.file_of(self.lens.profile)
 
     @property
     def outline_file(self) -> Path | None:
-        """Path of the outline's drawing, or None for a Y."""
+        """Path of the drawing of an outline or a network, or None if the body is not drawn."""
         return self.file_of(self.body.file)
 
     @property
     def shared_emitter(self) -> Emitter:
-        """The ``[emitter]`` table of the file; with one emitter of a network lit, the values all emitters share."""
+        """The ``[emitter]`` table of the file; in a network, these are the values that all emitters share."""
         return self._shared or self.emitter
 
     def with_emitter(self, emitter: Emitter, network: Network) -> Self:
@@ -197,7 +198,7 @@ class Design(Strict):
         return copy
 
     def in_folder(self, folder: Path) -> Self:
-        """Return the same design with relative paths based on another folder."""
+        """Return the design with its relative paths based on another folder."""
         copy = self.model_copy()
         copy._folder = folder
         return copy

@@ -1,4 +1,4 @@
-"""Edit the text of a design file: change some values but keep its comments, order and layout.
+"""Edits of the text of a design file that change values but keep its comments, order and layout.
 
 The edited text is returned only if reading it back gives exactly the changed design.
 """
@@ -13,7 +13,7 @@ from solen.spec.toml import loads, path_of, replaced_by, with_values
 
 
 def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder: Path | None = None) -> str:
-    """Return the text of a design file with values changed by dotted keys, as `solen.spec.with_values` does.
+    """Return the text of a design file with some values changed, as `solen.spec.with_values` changes a design.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder
     Raises
     ------
     SpecError
-        If the design would be invalid, or if the text cannot be edited to state it.
+        If the design would be invalid, or if the text cannot be edited to give this design.
     OutputError
         If tomlkit is not installed.
     """
@@ -42,32 +42,32 @@ def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder
         _put(document, path_of(key), value)
     written = tomlkit.dumps(document)
     if loads(written, what=what, folder=folder) != after:
-        limit = "cannot be changed there without changing more"
-        raise SpecError(what, limit=limit, remedy="change the value in the file")
+        limit = f"{', '.join(values)} cannot be changed without affecting other values"
+        raise SpecError(what, limit=limit, remedy="edit the file by hand")
     return written
 
 
-def _put(holder: Any, path: list[str], value: Any) -> None:
-    """Set or remove the value of a key; missing tables on the path to it are created."""
-    *ways, last = path
-    for name in ways:
-        inside = _inside(holder, name)
-        if inside is None:
+def _put(container: Any, path: list[str], value: Any) -> None:
+    """Set or remove the value of a key; create the tables on the path to it that are missing."""
+    *parents, last = path
+    for name in parents:
+        entry = _entry(container, name)
+        if entry is None:
             if value is None:
                 return
-            holder[name] = {}
-            inside = name
-        holder = holder[inside]
-    inside = _inside(holder, last)
+            container[name] = {}
+            entry = name
+        container = container[entry]
+    entry = _entry(container, last)
     if value is not None:
-        holder[last if inside is None else inside] = value
-    elif inside is not None:
-        del holder[inside]
+        container[last if entry is None else entry] = value
+    elif entry is not None:
+        del container[entry]
 
 
-def _inside(holder: Any, name: str) -> Any:
-    """Return the key of an existing table or the index of an existing list entry, or None if it does not exist."""
+def _entry(container: Any, name: str) -> Any:
+    """Return the key of a table entry or the index of a list entry, or None if there is no such entry."""
     if name.startswith("["):
-        place = int(name[1:-1])
-        return place if place < len(holder) else None
-    return name if name in holder else None
+        index = int(name[1:-1])
+        return index if index < len(container) else None
+    return name if name in container else None

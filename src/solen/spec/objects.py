@@ -1,6 +1,6 @@
 """Conversion of JSON objects to dataclasses, with every field checked against its type.
 
-An object that can be of several kinds, such as a curve, has a ``kind`` key, which selects the class, and the fields of
+An object that can be of several kinds, such as a curve, has a ``kind`` key that selects the class, and the fields of
 that class. Unknown keys are rejected, and the error gives their location.
 """
 
@@ -27,28 +27,28 @@ CURVES: dict[str, type[Curve]] = {
 T = TypeVar("T")
 
 
-def parsed(text: str, where: str, remedy: str = "") -> Any:
-    """Return the content of a JSON text; raise `DataError` if it is not valid JSON, which excludes NaN."""
+def parse_json(text: str, where: str, remedy: str = "") -> Any:
+    """Return the content of a JSON document; raise `DataError` if it is not valid JSON (NaN is not)."""
 
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is not a valid JSON number")
 
     try:
         return json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as bad:
-        raise DataError(where, limit=f"not JSON: {str(bad)[:100]}", remedy=remedy) from None
+    except (ValueError, RecursionError) as error:
+        raise DataError(where, limit=f"not valid JSON: {str(error)[:100]}", remedy=remedy) from None
 
 
-def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
-    """Make an object of the class selected by the ``kind`` key."""
+def build_kind(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
+    """Build an object of the class that the ``kind`` key selects."""
     kind = data.get("kind")
     if not isinstance(kind, str) or kind not in kinds:
         raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
-    return made(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
+    return build(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
 
 
-def made(cls: type[T], data: dict[str, Any], where: str) -> T:
-    """Make an object of a dataclass, with every field checked against its type."""
+def build(cls: type[T], data: dict[str, Any], where: str) -> T:
+    """Build an object of a dataclass, with every field checked against its type."""
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]  # every class here is a dataclass
     required = {f.name for f in fields if f.default is dataclasses.MISSING}
     check_keys(data, {field.name for field in fields}, required, where)
@@ -67,14 +67,14 @@ def value_of(hint: Any, value: Any, where: str) -> Any:
         return tuple(value_of(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if inner and isinstance(value, dict):
         kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
-        return untagged(value, kinds, where) if kinds else made(inner[0], value, where)
+        return build_kind(value, kinds, where) if kinds else build(inner[0], value, where)
     if inner and value is not None:
         raise DataError(where, value=value, limit="must be an object")
     try:
         adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
         return adapter.validate_json(json.dumps(value))
-    except ValidationError as bad:
-        raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
+    except ValidationError as error:
+        raise DataError(where, value=value, limit=error.errors()[0]["msg"].lower()) from None
 
 
 def check_keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:

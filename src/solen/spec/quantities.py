@@ -1,4 +1,4 @@
-"""Number types with limits, for fields of several tables; lengths are in mm, angles in degrees."""
+"""Number types with limits, shared by several tables; lengths are in mm, angles in degrees."""
 
 from typing import Annotated
 

@@ -1,12 +1,12 @@
 """Strict tables: pydantic models of TOML files that report each error in one line, with a remedy.
 
 A file is a tree of tables, and each table is one frozen model. An unknown key is rejected with the nearest known name,
-a reserved key with "not yet supported"; numbers must be finite and are never converted from text or booleans. pydantic
-finds the problems; this module reports the dotted key, the value, the limit and the remedy.
+a reserved key with "not yet supported"; numbers must be finite and are never converted from strings or booleans.
+pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
 Public names: `Strict`, `Number`, `Positive`, `NotNegative` and `Text`. A validator of several keys raises `refused`;
-`or_refuse` annotates a single field. `parse_toml`, `migrated` and `error_context` serve any TOML file that contains
-``schema = <version>``.
+`reported_as` annotates a single field. `parse_toml`, `migrated` and `error_context` work with any TOML file that
+contains ``schema = <version>``.
 """
 
 import difflib
@@ -41,9 +41,9 @@ _LIMITS = {
     "less_than_equal": "must be at most {le:.15g}",
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "string_type": "must be text",
-    "string_unicode": "must be text without lone surrogates",
+    "int_type": "must be an integer",
+    "string_type": "must be a string",
+    "string_unicode": "must be a string without lone surrogates",
     "literal_error": "must be {expected}",
     "tuple_type": "must be a list",
     "too_short": "must have at least {min_length} entries",
@@ -53,16 +53,16 @@ _LIMITS = {
     "unexpected_keyword_argument": "unknown name",
 }
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
-_MAX_VALUE_LENGTH = 60  # characters of a refused value shown in its line
+_MAX_VALUE_LENGTH = 60  # characters of a rejected value in an error message
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
-    """Make the error of a model's validator from the invalid key of the table, its value, the limit and the remedy."""
+    """Return the error that a validator raises: the invalid key of its table, the value, the limit and the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
-def or_refuse(limit: str) -> WrapValidator:
-    """Make a field annotation that reports one message, in the user's terms, for any problem of a compound value."""
+def reported_as(limit: str) -> WrapValidator:
+    """Return a field annotation that reports any problem of a compound value with one message, in the user's terms."""
 
     def check(value: object, handler: ValidatorFunctionWrapHandler) -> object:
         try:
@@ -75,7 +75,7 @@ def or_refuse(limit: str) -> WrapValidator:
 
 def _one_line(text: str) -> str:
     if not (text.strip() and text.isprintable()):
-        raise refused("", "must be one line of printable text, not empty", value=text)
+        raise refused("", "must be one line of printable characters and must not be empty", value=text)
     return text
 
 
@@ -84,22 +84,22 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-"""A finite option value, which a command line may pass as text; `Number` is for files."""
+"""A finite option value, which the command line may pass as a string; files use `Number`."""
 Above0 = Annotated[Finite, Field(gt=0)]
 NotBelow0 = Annotated[Finite, Field(ge=0)]
 MIN_NM, MAX_NM = 100.0, 20_000.0
 """Range of wavelengths accepted as an option; a smaller value is probably in µm."""
 
 
-def _in_nm(wavelength_nm: float) -> float:
+def _check_nm(wavelength_nm: float) -> float:
     if not MIN_NM <= wavelength_nm <= MAX_NM:
-        nm = 1e3 * wavelength_nm  # of one in µm
-        remedy = f"did you mean {nm:g}?" if MIN_NM <= nm <= MAX_NM else ""
+        from_um = 1e3 * wavelength_nm
+        remedy = f"did you mean {from_um:g}?" if MIN_NM <= from_um <= MAX_NM else ""
         raise refused("", f"must be {MIN_NM:g} to {MAX_NM:g}, in nm", value=wavelength_nm, remedy=remedy)
     return wavelength_nm
 
 
-Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(MIN_NM), Le(MAX_NM)]
+Wavelength = Annotated[float, AfterValidator(_check_nm), Ge(MIN_NM), Le(MAX_NM)]
 """A wavelength in nm, as an option value."""
 
 
@@ -119,17 +119,17 @@ class Strict(BaseModel):
     def __init__(self, /, **data: Any) -> None:
         try:
             super().__init__(**data)
-        except ValidationError as bad:
-            raise _file_error(bad, type(self)) from None
+        except ValidationError as error:
+            raise _file_error(error, type(self)) from None
 
-    # Keeps pydantic from calling this constructor for tables inside tables: the outermost reports every problem.
+    # Prevents pydantic from calling this constructor for nested tables: the outermost table reports every problem.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in type(self).model_fields:
             of_design = f'design.set({{"{_dotted(self.table, [name])}": {value!r}}})'
-            changed = of_design if self.error is SpecError else f".model_copy(update={{{name!r}: {value!r}}})"
-            raise _frozen(self, name, value, f"{changed} makes a changed copy")
+            call = of_design if self.error is SpecError else f".model_copy(update={{{name!r}: {value!r}}})"
+            raise _frozen(self, name, value, f"make a changed copy with {call}")
         super().__setattr__(name, value)
 
 
@@ -137,8 +137,8 @@ class Options(BaseModel):
     """Options of a stage: frozen, validated, used directly by its function and its command.
 
     The type of a field defines its choices (`Literal`) or limits (`Field(gt=0)`), and the string below the field
-    describes it; the help shows that string with the limits. Numbers are converted from text, because the command line
-    passes text.
+    describes it; the help shows that string with the limits. Strings are converted to numbers, because the command
+    line passes strings.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
@@ -146,8 +146,8 @@ class Options(BaseModel):
     def __init__(self, /, **data: Any) -> None:
         try:
             super().__init__(**data)
-        except ValidationError as bad:
-            raise option_refusal(bad) from None
+        except ValidationError as error:
+            raise option_refusal(error) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
@@ -161,23 +161,20 @@ class Options(BaseModel):
                 field.description = f"{field.description} {limits}"
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise _frozen(self, name, value, f"{type(self).__name__}({name}={value!r}) makes new options")
+        raise _frozen(self, name, value, f"make new options with {type(self).__name__}({name}={value!r})")
 
 
 def _limits_in_words(parts: Iterable[Any]) -> str:
-    """Return the limits of a number in words, ``Above 0, at most 90.``, or an empty text if there are none.
-
-    The limits are read from a type and its metadata.
-    """
-    stated = _bounds(parts)
-    if "ge" in stated and "le" in stated:
-        return f"From {stated['ge']:g} to {stated['le']:g}."
-    words = ", ".join(f"{_BOUNDS[name]} {stated[name]:g}" for name in _BOUNDS if name in stated)
+    """Return the limits in a type and its metadata in words, ``Above 0, at most 90.``; empty if there are none."""
+    bounds = _bounds(parts)
+    if "ge" in bounds and "le" in bounds:
+        return f"From {bounds['ge']:g} to {bounds['le']:g}."
+    words = ", ".join(f"{_BOUNDS[name]} {bounds[name]:g}" for name in _BOUNDS if name in bounds)
     return f"{words[0].upper()}{words[1:]}." if words else ""
 
 
 def _bounds(parts: Iterable[Any]) -> dict[str, float]:
-    """Return the bounds by pydantic's names, from type metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    """Return the bounds in type metadata, nested to any depth, keyed by pydantic's names."""
     bounds: dict[str, float] = {}
     for part in parts:
         bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
@@ -190,11 +187,14 @@ def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenEr
     return FrozenError(f"{type(table).__name__}.{name}", value=value, limit="cannot be changed", remedy=remedy)
 
 
-def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
-    """Return the first error in the options as one line; options are named ``--u-T``, as typed, or ``u_T``."""
-    if not isinstance(bad, ValidationError):
-        return SpecError("options", limit=str(bad))
-    first = bad.errors(include_url=False)[0]
+def option_refusal(error: ValueError, *, command_line: bool = False) -> SpecError:
+    """Return the first error in the options as one line.
+
+    An option is named as typed on the command line, ``--u-T``, or as in Python, ``u_T``.
+    """
+    if not isinstance(error, ValidationError):
+        return SpecError("options", limit=str(error))
+    first = error.errors(include_url=False)[0]
     name, ctx = ".".join(part for part in first["loc"] if isinstance(part, str)), first.get("ctx", {})
     value, remedy = None if first["type"] == "missing" else first["input"], ""
     if first["type"] == "refused":
@@ -208,7 +208,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """Return the name nearest to a misspelt word, or None if none is similar."""
+    """Return the name nearest to a misspelt word, or None if no name is similar."""
     by_lower = {name.lower(): name for name in names}
     return next((by_lower[near] for near in difflib.get_close_matches(word.lower(), by_lower, n=1)), None)
 
@@ -225,19 +225,19 @@ def _dotted(prefix: str, parts: Iterable[int | str]) -> str:
 
 def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
     """Return the tables directly inside a table, including optional ones, by key."""
-    kinds = {key: _table(_alternatives(field.annotation)) for key, field in model.model_fields.items()}
-    return {key: table for key, table in kinds.items() if table}
+    tables = {key: _table(_alternatives(field.annotation)) for key, field in model.model_fields.items()}
+    return {key: table for key, table in tables.items() if table}
 
 
 def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
     """Return the lists of tables directly inside a table, by key."""
-    kinds = {
+    tables = {
         key: _table(get_args(kind))
         for key, field in model.model_fields.items()
         for kind in _alternatives(field.annotation)
         if get_origin(kind) is tuple
     }
-    return {key: table for key, table in kinds.items() if table}
+    return {key: table for key, table in tables.items() if table}
 
 
 def _alternatives(annotation: Any) -> tuple[Any, ...]:
@@ -263,7 +263,7 @@ def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict
 
 
 def _shown(value: object) -> object:
-    """Return a value as an error message shows it; long text is shortened."""
+    """Return a value as an error message shows it; a long value is shortened."""
     text = value if isinstance(value, str) else str(value)
     return value if len(text) <= _MAX_VALUE_LENGTH else f"{text[: _MAX_VALUE_LENGTH - 3]}..."
 
@@ -271,7 +271,7 @@ def _shown(value: object) -> object:
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
     """Return the limit and the remedy for an unknown key."""
     if key in owner.reserved:
-        return "not yet supported", "leave it out"
+        return "not yet supported", "omit it"
     stem = what.removesuffix(key)
     elsewhere = [_dotted(root.table, (t, key)) for t, inner in _tables(root).items() if key in inner.model_fields]
     near = nearest(key, owner.model_fields)
@@ -295,14 +295,14 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
         return what, None, "missing", f"add it: {field.description if field else ''}"
     if kind == "model_type":
         if isinstance(problem["input"], list):
-            several = [
+            lists = [
                 _dotted(t, (key,))
                 for t, inner in _tables(root).items()
                 for key in _lists(inner)
                 if key in _plurals(what)
             ]
-            remedy = f", or [[{several[0]}]] for several" if several else ""
-            return what, None, "must be one table", f"write [{what}]{remedy}"
+            remedy = f", or [[{lists[0]}]] for several" if lists else ""
+            return what, None, "must be a single table", f"write [{what}]{remedy}"
         return what, problem["input"], "must be a table", f"write [{what}] and its keys below"
     if kind == "tuple_type" and len(problem["loc"]) == 1 and str(problem["loc"][0]) in _lists(root):
         return what, problem["input"], "must be a list of tables", f"write [[{what}]]"
@@ -315,19 +315,19 @@ def _plurals(word: str) -> tuple[str, ...]:
 
 
 def _default(field: FieldInfo | None) -> str:
-    """Return a remedy that gives the default of a field, or an empty text if it has none."""
+    """Return a remedy that gives the default of a field, or an empty string if it has none."""
     default = None if field is None or field.is_required() else field.default
     if default is None or default is PydanticUndefined:
         return ""
-    return f"the default is {list(default) if isinstance(default, tuple) else repr(default)}"
+    return f"omit it for the default, {list(default) if isinstance(default, tuple) else repr(default)}"
 
 
-def _file_error(bad: ValidationError, root: type[Strict]) -> SolenError:
+def _file_error(error: ValidationError, root: type[Strict]) -> SolenError:
     """Return an error with the first problem and the number of further ones.
 
     Unknown keys come first, because they often explain missing ones.
     """
-    problems = sorted(bad.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     what, value, limit, remedy = _problem(problems[0], root)
     if more := len(problems) - 1:
         remedy = "; ".join(filter(None, (remedy, f"and {more} more problem{'s' if more > 1 else ''}")))
@@ -339,16 +339,17 @@ def error_context(where: str) -> Iterator[None]:
     """Prefix errors raised inside with the file or key concerned: ``resin.toml: index.n``."""
     try:
         yield
-    except SolenError as bad:
-        raise type(bad)(f"{where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+    except SolenError as error:
+        what = f"{where}: {error.what}"
+        raise type(error)(what, value=error.value, limit=error.limit, remedy=error.remedy) from None
 
 
 def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
-    """Return the tables of a TOML text; raise ``error`` with line and column if it is not TOML."""
+    """Return the tables of a TOML document; raise ``error`` with line and column if it is not TOML."""
     try:
-        return tomllib.loads(f"{text}\n")  # a last line without its end would be reported as "end of document"
-    except (ValueError, RecursionError) as bad:  # ValueError: also a number of more digits than Python reads
-        raise error(what, limit=f"not valid TOML: {bad}", remedy="correct it there") from None
+        return tomllib.loads(f"{text}\n")  # without the newline, an error in the last line has no line number
+    except (ValueError, RecursionError) as bad:  # a ValueError may also be an integer with too many digits
+        raise error(what, limit=f"not valid TOML: {bad}", remedy="correct that line") from None
 
 
 def migrated(data: Document, what: str, *, current: int, migrations: Migrations, error: type[SolenError]) -> Document:
@@ -372,7 +373,7 @@ def migrated(data: Document, what: str, *, current: int, migrations: Migrations,
     if version is None:
         raise error(what, limit="schema is missing", remedy=f"add the line schema = {current} at the top of the file")
     if type(version) is not int or version < 1:
-        raise error(f"{what}: schema", value=version, limit="must be a whole number, at least 1")
+        raise error(f"{what}: schema", value=version, limit="must be an integer, at least 1")
     if version > current:
         raise error(
             f"{what}: schema",

@@ -1,4 +1,4 @@
-"""Design files shipped with solen: a commented template, and examples that contain only their differences from it."""
+"""Design files shipped with solen: a commented template, and examples that differ from it in a few keys."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,7 +11,7 @@ _EXAMPLES = files("solen.spec") / "examples"
 
 
 class NewDesign(Result, eq=True):
-    """A new design file, and the example from which it was copied."""
+    """A new design file and the name of the example from which it was copied."""
 
     design: Path
     example: str
@@ -23,7 +23,7 @@ def template_names() -> tuple[str, ...]:
 
 
 def template(name: str = "solen-860") -> str:
-    """Return the text of a shipped design file; the default one shows every key with its default and a comment.
+    """Return the text of a shipped design file; the default file shows every key with its default and a comment.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 A file contains ``schema``, ``name`` and the differences from the defaults. Reading migrates old schemas, then rejects
 anything unknown. Writing omits defaults, and reading a written file gives the same design.
 
-Public names: `load`, `loads`, `dumps`, `save`, `with_values`, `parse_assignment` and `json_schema`.
+Public names: `load`, `loads`, `dumps`, `save`, `with_values`, `value_at`, `parse_assignment` and `json_schema`.
 """
 
 import os
@@ -27,9 +27,9 @@ from solen.spec.light import Emitter
 from solen.spec.strict import Document, Migrations, error_context, migrated, parse_toml
 
 SCHEMA = 1
-MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
 
-# Setting one of these takes the other away: a design gives exactly one of them.
+# Setting one of these keys removes the other, because a design contains only one of them.
 _REPLACES = {
     "material.index": "material.resin",
     "material.resin": "material.index",
@@ -44,7 +44,7 @@ def load(path: Path | str) -> Design:
     Parameters
     ----------
     path
-        The design file. Relative paths inside it are based on its folder.
+        The design file. Relative paths in it are based on its folder.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def load(path: Path | str) -> Design:
 
 
 def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Design:
-    """Return the design defined by a TOML text.
+    """Return the design defined by a TOML string.
 
     ``what`` is the name used in error messages, and ``folder`` is the base folder of relative paths.
     """
@@ -67,23 +67,24 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
     return design if folder is None else design.in_folder(folder)
 
 
-def _document(design: Design, *, stated: bool = False) -> Document:
+def _document(design: Design, *, keep_set: bool = False) -> Document:
     """Return the tables of the file without ``schema``: the name, and values that differ from the defaults.
 
-    With ``stated``, defaults given explicitly are kept too, because a part named later may have other values.
+    With ``keep_set``, emitter keys set to their defaults are also kept, because a part named later may have other
+    values.
     """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
         table = design.shared_emitter if key == "emitter" else getattr(design, key)
         if isinstance(table, tuple):
-            tables[key] = [one.model_dump(exclude_defaults=True) for one in table]
+            tables[key] = [entry.model_dump(exclude_defaults=True) for entry in table]
         else:
             tables[key] = table.model_dump(exclude_defaults=True)
-    if design.material.resin is not None and design.material.states_absorption:
-        tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
+    if design.material.resin is not None and design.material.sets_absorption:
+        tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrides the resin's value
     emitter = design.shared_emitter
-    kept = [key for key in DEFERRED if emitter.states(key)] if stated else _kept(emitter)
-    tables["emitter"] |= {key: getattr(emitter, key) for key in kept}
+    keys = [key for key in DEFERRED if emitter.sets(key)] if keep_set else _needed_defaults(emitter)
+    tables["emitter"] |= {key: getattr(emitter, key) for key in keys}
     return {key: tables[key] for key in Design.model_fields if tables[key]}
 
 
@@ -91,16 +92,16 @@ DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
 """Emitter keys whose defaults depend on a part, a spectrum or a pattern."""
 
 
-def _kept(emitter: Emitter) -> list[str]:
-    """Return the keys given at their defaults that must be kept because a part or pattern would override them."""
+def _needed_defaults(emitter: Emitter) -> list[str]:
+    """Return the keys that must be written even if set to their defaults, which a part or pattern would override."""
     keys: tuple[str, ...] = DEFERRED if emitter.part else ()
     keys += ("wavelength_nm",) if emitter.spectrum else ()
     keys += ("cone_deg",) if emitter.pattern != "fan" else ()
-    return [key for key in dict.fromkeys(keys) if emitter.states(key)]
+    return [key for key in dict.fromkeys(keys) if emitter.sets(key)]
 
 
 def dumps(design: Design) -> str:
-    """Return the TOML text of a design without its defaults; `loads` restores the design."""
+    """Return a design as a TOML string without defaults; `loads` restores the design."""
     return tomli_w.dumps({"schema": SCHEMA, **_document(design)})
 
 
@@ -156,7 +157,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     SpecError
         If a key is unknown or the design would be invalid.
     """
-    data = deepcopy(_document(design, stated=True))
+    data = deepcopy(_document(design, keep_set=True))
     for key, value in values.items():
         other = replaced_by(key)
         if other and value is not None and other not in values:
@@ -167,7 +168,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 
 
 def replaced_by(key: str) -> str:
-    """Return the key that is removed when a key is set, or an empty text if there is none."""
+    """Return the key that is removed when a key is set, or an empty string if there is none."""
     return _REPLACES.get(key, "")
 
 
@@ -187,11 +188,11 @@ def value_at(design: Design, key: str) -> Any:
         if value is None and name.startswith("["):
             raise SpecError(key, limit="the list is empty", remedy="set the whole list")
         if isinstance(value, tuple):
-            value = value[_place(key, name, len(value))]
+            value = value[_index(key, name, len(value))]
         elif isinstance(value, BaseModel) and name in type(value).model_fields:
             value = getattr(value, name)
         else:
-            raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
+            raise SpecError(key, limit="unknown key", remedy="list the keys with solen schema")
     return value
 
 
@@ -200,7 +201,7 @@ def path_of(key: str) -> list[str]:
     return re.split(r"\.|(?=\[)", key)
 
 
-def _place(key: str, name: str, size: int) -> int:
+def _index(key: str, name: str, size: int) -> int:
     """Return the index of a list entry; raise `SpecError` if the list has too few entries."""
     entry = re.fullmatch(r"\[(\d+)\]", name)
     if entry and int(entry[1]) < size:
@@ -209,31 +210,31 @@ def _place(key: str, name: str, size: int) -> int:
 
 
 def _set(data: Document, key: str, value: Any) -> None:
-    holder: Any = data
-    *path, last = path_of(key)
-    for before, name in zip(["", *path], path, strict=False):
-        inside = _inside(holder, key, before, name)
-        inner = holder[inside] if isinstance(holder, list) else holder.setdefault(inside, {})
+    container: Any = data
+    *parents, last = path_of(key)
+    for outer, name in zip(["", *parents], parents, strict=False):
+        entry = _entry(container, key, outer, name)
+        inner = container[entry] if isinstance(container, list) else container.setdefault(entry, {})
         if isinstance(inner, tuple):
-            inner = holder[inside] = list(inner)
-        holder = inner
-    holder[_inside(holder, key, path[-1] if path else "", last)] = value
+            inner = container[entry] = list(inner)
+        container = inner
+    container[_entry(container, key, parents[-1] if parents else "", last)] = value
 
 
-def _inside(holder: Any, key: str, before: str, name: str) -> Any:
-    """Return the key of a table or the index of a list entry; raise `SpecError` if neither exists."""
-    if isinstance(holder, list) or (name.startswith("[") and not holder):
-        return _place(key, name, len(holder))
-    if name.startswith("[") or not isinstance(holder, dict):
-        raise SpecError(key, limit="unknown key", remedy=f"{before} is a value and has no keys")
+def _entry(container: Any, key: str, outer: str, name: str) -> Any:
+    """Return the key of a table entry or the index of a list entry; raise `SpecError` if there can be no such entry."""
+    if isinstance(container, list) or (name.startswith("[") and not container):
+        return _index(key, name, len(container))
+    if name.startswith("[") or not isinstance(container, dict):
+        raise SpecError(key, limit=f"unknown key: {outer} is a value and has no keys", remedy=f"set {outer} itself")
     return name
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return the key and value of ``key=value``; the value is parsed as TOML if possible and otherwise used as text."""
+    """Return the key and value of ``key=value``; the value is parsed as TOML if possible, and is a string otherwise."""
     key, equals, value = text.partition("=")
     if not (equals and key.strip()):
-        raise SpecError(text, limit="not of the form key=value", remedy="write e.g. lens.focus_mm=25")
+        raise SpecError(text, limit="is not of the form key=value", remedy="write, for example, lens.focus_mm=25")
     return key.strip(), _value(value.strip())
 
 
@@ -246,7 +247,7 @@ def _value(text: str) -> Any:
 
 
 class _FileSchema(GenerateJsonSchema):
-    """JSON Schema of a TOML file: as TOML has no null, an unset optional key is omitted."""
+    """JSON Schema of a TOML file, in which optional keys are never null, because TOML has no null."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])
@@ -262,7 +263,7 @@ def json_schema() -> Document:
     version = {"const": SCHEMA, "type": "integer", "description": "Version of this file format."}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "solen design file"
-    schema["description"] = "A sensor: its name, material, optics, body, motion and trace."
+    schema["description"] = "A sensor: its name, material, optics, body, motion and ray trace."
     schema["properties"] = {"schema": version, **schema["properties"]}
     schema["required"] = ["schema", *schema["required"]]
     return schema

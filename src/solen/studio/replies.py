@@ -194,11 +194,11 @@ def effective(sensor: Sensor) -> dict[str, Any]:
     values = {
         f"emitter.{key}": getattr(sensor.light, key)
         for key in DEFERRED
-        if not design.emitter.states(key) and getattr(sensor.light, key) != getattr(design.emitter, key)
+        if not design.emitter.sets(key) and getattr(sensor.light, key) != getattr(design.emitter, key)
     }
     if design.material.resin is not None:
         values["material.index"] = sensor.material.index
-        if not design.material.states_absorption:
+        if not design.material.sets_absorption:
             values["material.absorption_per_mm"] = sensor.material.absorption_per_mm
     return values
 

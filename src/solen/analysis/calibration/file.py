@@ -18,7 +18,7 @@ from solen.files import read_text
 from solen.ranks import Caution
 from solen.recording.stimulus import ANGLE, STIMULI, Name, Stimulus
 from solen.results import in_unit
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, migrated, refused
 
 SCHEMA = 1
@@ -255,7 +255,7 @@ def text_of(file: CalibrationFile) -> str:
 
 def calibration_data(path: Path) -> Any:
     """Read the JSON data of a sensor or network calibration file; raise `DataError` if the file cannot be read."""
-    return parsed(read_text(path, DataError, maker="solen bench calibrate"), str(path), remedy=REMEDY)
+    return parse_json(read_text(path, DataError, maker="solen bench calibrate"), str(path), remedy=REMEDY)
 
 
 def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:

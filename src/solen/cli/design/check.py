@@ -1,4 +1,4 @@
-"""The commands that check a design and show its lens."""
+"""The commands that check a design and that describe its lens."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ def _(result: Check) -> Iterator[str]:
     material = {name: getattr(result.material, name) for name in ("index", "u_index", "mode")}
     focus = scalars(result.foci[len(result.foci) // 2]) if result.foci else ()
     lens = {"shape": "drawn"} if result.lens is None else dict(scalars(result.lens))
-    yield from listing(_stated(material | lens | dict(focus) | dict(scalars(result.body))))
+    yield from listing(_listed(material | lens | dict(focus) | dict(scalars(result.body))))
     yield from _foci(result.foci)
     yield f"faces: {', '.join(result.body.faces)}"
 
@@ -30,13 +30,13 @@ def _(result: NetworkCheck) -> Iterator[str]:
     rows = {name: ", ".join(getattr(result, name)) or ("drawn" if name == "guides" else "none") for name in names}
     yield from listing(rows | numbers)
     yield from (f"  reading {name}: {expression}" for name, expression in result.readings.items())
-    for each in result.lenses:
-        sizes = f"half width {each.half_width_mm:.4g} mm, {each.depth_mm:.4g} mm deep"
-        spot = "" if each.best_focus_mm is None else f", smallest spot at {text(each.best_focus_mm)} mm"
-        yield f"  lens {each.name}: {each.shape}, {sizes}{spot}"
+    for front in result.lenses:
+        sizes = f"half width {front.half_width_mm:.4g} mm, depth {front.depth_mm:.4g} mm"
+        spot = "" if front.best_focus_mm is None else f", smallest spot at {text(front.best_focus_mm)} mm"
+        yield f"  lens {front.name}: {front.shape}, {sizes}{spot}"
     for emitter in result.emitters:
-        place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g} deg"
-        yield f"  emitter {emitter.name}: {place}, {emitter.wavelength_nm:g} nm"
+        position = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, axis at {emitter.axis_deg:.4g} deg"
+        yield f"  emitter {emitter.name}: {position}, {emitter.wavelength_nm:g} nm"
     yield f"faces: {', '.join(result.faces)}"
 
 
@@ -49,31 +49,30 @@ def _(result: SceneCheck) -> Iterator[str]:
     if result.in_space:
         yield "extruded: rays are traced in space"
     if result.is_random:
-        yield "some surfaces scatter at random: the light can be sampled, not integrated"
+        yield "some surfaces scatter light: the powers are sampled, not integrated"
     for part in result.not_understood:
-        yield f"not understood: {part}"
+        yield f"ignored: {part}"
 
 
 @lines.register
 def _(result: LensCheck) -> Iterator[str]:
     focus = scalars(result.foci[len(result.foci) // 2]) if result.foci else ()
-    yield from listing(_stated(dict(scalars(result.lens)) | dict(focus)))
+    yield from listing(_listed(dict(scalars(result.lens)) | dict(focus)))
     yield from _foci(result.foci)
 
 
-def _stated(values: dict[str, object]) -> dict[str, object]:
-    """Return the values that are not None."""
+def _listed(values: dict[str, object]) -> dict[str, object]:
+    """Return the values that are printed: those that are not None, without the shift of the index."""
     return {
         name: value for name, value in values.items() if value is not None and name not in ("step", "by_uncertainty")
     }
 
 
 def _foci(foci: tuple[Focus, ...]) -> Iterator[str]:
-    """Return the foci for an index one standard uncertainty below and above the nominal one."""
+    """Yield the foci for indices one standard uncertainty below and above the nominal one."""
     for focus in foci:
         if focus.by_uncertainty:
             yield (
-                f"  index {focus.material_index:.6g} (shifted by its uncertainty, {focus.step:+.2g}): "
-                f"near the axis {text(focus.paraxial_focus_mm)} mm, smallest spot {text(focus.best_focus_mm)} "
-                "mm"
+                f"  index {focus.material_index:.6g} (shifted by its uncertainty, {focus.step:+.2g}): paraxial focus "
+                f"{text(focus.paraxial_focus_mm)} mm, smallest spot {text(focus.best_focus_mm)} mm"
             )

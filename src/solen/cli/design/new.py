@@ -8,6 +8,6 @@ from solen.spec import NewDesign
 
 
 @lines.register
-def _(written: NewDesign) -> Iterator[str]:
-    yield f"wrote {written.design}"
-    yield f'next: solen run "{written.design}" --out out'
+def _(result: NewDesign) -> Iterator[str]:
+    yield f"wrote {result.design}"
+    yield f'next: solen run "{result.design}" --out out'

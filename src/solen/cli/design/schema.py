@@ -1,4 +1,4 @@
-"""`solen schema`: the JSON Schema of the design file, or of what a command prints with ``--json``."""
+"""`solen schema`: the JSON Schema of the design file, or of the JSON output of a command."""
 
 import json
 import typing
@@ -15,7 +15,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 FILES = {
     "type": "object",
     "additionalProperties": {"type": "string"},
-    "description": "Files written by the command, by content.",
+    "description": "Files written by the command, keyed by content.",
 }
 
 
@@ -25,44 +25,46 @@ def schema(*command: str) -> None:
     Parameters
     ----------
     command
-        The command whose result to describe, such as bench analyse. Default: the design file.
+        A command, such as bench analyse; default: the schema of the design file.
     """
     print(json.dumps(result_schema(command) if command else json_schema(), indent=1))
 
 
 def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
-    """Return the schema of a command's ``--json`` output; `SpecError` if there is no such command or schema."""
+    """Return the schema of the JSON output of a command; raise `SpecError` if there is none."""
     name = " ".join(command)
-    result = result_type(_place(name))
+    result = result_type(_function_path(name))
     if result is None:
         raise SpecError("schema", value=name, limit="has no result with a schema", remedy="see docs/commands.md")
     inner = schema_of(result)
-    kinds = [_with_files(kind) for kind in inner.get("anyOf", [inner])]
+    schemas = [_with_files(schema) for schema in inner.get("anyOf", [inner])]
     head = {"$schema": DIALECT, "title": f"solen {name}"}
-    return head | ({"anyOf": kinds} if len(kinds) > 1 else kinds[0] | head)
+    return head | ({"anyOf": schemas} if len(schemas) > 1 else schemas[0] | head)
 
 
-def result_type(place: str) -> Any:
-    """Return the result type of the command at ``module:function``; None if it has no typed result."""
-    module, _, function = place.partition(":")
+def result_type(path: str) -> Any:
+    """Return the result type of the command function at ``module:function``; None if it has no typed result."""
+    module, _, function = path.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
-    either = (returned, *typing.get_args(returned))  # None: the command may print something else
-    kinds = tuple(typing.get_args(kind)[0] for kind in either if typing.get_origin(kind) is Outcome)
-    return typing.Union[kinds] if kinds else None  # noqa: UP007  of as many as there are
+    alternatives = (returned, *typing.get_args(returned))  # a command may also return None
+    types = tuple(typing.get_args(kind)[0] for kind in alternatives if typing.get_origin(kind) is Outcome)
+    return typing.Union[types] if types else None  # noqa: UP007 - a variable number of types
 
 
 def commands() -> dict[str, str]:
-    """Return all commands as typed (``bench analyse``), with the module and function of each."""
-    return {f"{group} {name}".strip(): place for group, rows in COMMANDS.items() for name, place, _ in rows}
+    """Return the functions (``module:function``) of all commands, keyed by command, such as ``bench analyse``."""
+    return {f"{group} {name}".strip(): path for group, rows in COMMANDS.items() for name, path, _ in rows}
 
 
-def _place(name: str) -> str:
-    known = commands()
-    if name in known:
-        return known[name]
-    inside = [one for one in known if one.startswith(f"{name} ")] if name in GROUPS else []
-    near = nearest(name, known)
-    remedy = f"name one of {', '.join(inside)}" if inside else f"did you mean {near}?" if near else "see solen --help"
+def _function_path(name: str) -> str:
+    paths = commands()
+    if name in paths:
+        return paths[name]
+    in_group = [command for command in paths if command.startswith(f"{name} ")] if name in GROUPS else []
+    similar = nearest(name, paths)
+    remedy = f"did you mean {similar}?" if similar else "see solen --help"
+    if in_group:
+        remedy = f"specify one of {', '.join(in_group)}"
     raise SpecError("schema", value=name, limit="is not a command", remedy=remedy)
 
 

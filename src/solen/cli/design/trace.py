@@ -127,7 +127,7 @@ def _(result: SceneTrace) -> Iterator[str]:
         yield f"  {name:9} {power}  ({reading.rays} rays{bins})"
     yield from _whole(result, result.in_space)
     for part in result.not_understood:
-        yield f"not understood: {part}"
+        yield f"ignored: {part}"
 
 
 def _how(result: Trace) -> str:

@@ -1,4 +1,4 @@
-"""The command that writes coupons: parts printed to be measured."""
+"""The command that writes coupons, parts that are printed to be measured."""
 
 from collections.abc import Iterator
 
@@ -17,5 +17,5 @@ def _(result: CouponSet) -> Iterator[str]:
         else:
             yield f"{coupon.name}: {coupon.title}; {' x '.join(f'{side:.4g}' for side in coupon.size_mm)} mm"
             for reading in coupon.readings:
-                yield f'  {reading.about}: printed "{reading.printed}"; used: {reading.taken}'
+                yield f'  {reading.about}: published "{reading.printed}"; used: {reading.taken}'
         yield from (f"  {warning}" for warning in ranked(coupon.warnings))

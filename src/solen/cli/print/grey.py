@@ -1,4 +1,4 @@
-"""The command that measures the transmission of grey pixels."""
+"""The command that measures the light of grey pixels."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from solen.pipeline.print.grey import grey as grey
 @lines.register
 def _(measured: MeasuredGreys) -> Iterator[str]:
     yield "  grey   light"
-    for grey_, light, u, discs in zip(measured.grey, measured.light, measured.u_light, measured.discs, strict=True):
-        yield f"  {grey_:<6.4g} {light:.4f} ± {u:.2g}  ({discs} disc{'' if discs == 1 else 's'})"
-    yield f"with Dp = {measured.Dp_um:.4g} ± {measured.u_Dp_um:.2g} µm; exponent of all light ± {measured.u_power:.2g}"
-    yield f"an edge drawn in proportion moves by {measured.edge_shift_px:+.3f} pixels on average"
+    for level, light, u, discs in zip(measured.grey, measured.light, measured.u_light, measured.discs, strict=True):
+        yield f"  {level:<6.4g} {light:.4f} ± {u:.2g}  ({discs} disc{'' if discs == 1 else 's'})"
+    yield f"for Dp {measured.Dp_um:.4g} ± {measured.u_Dp_um:.2g} µm; exponent of all light 1 ± {measured.u_power:.2g}"
+    yield f"mean shift of an edge drawn without correction: {measured.edge_shift_px:+.3f} pixels"

@@ -1,4 +1,4 @@
-"""The commands for layers: slice a part for a printer, list the printers."""
+"""The commands that slice a part for a printer and that list the printers."""
 
 from collections.abc import Iterator
 
@@ -11,12 +11,12 @@ from solen.results import Outcome
 
 
 def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:
-    """List the supported printers, or show one with the sources of its values.
+    """List the printers of the library, or show one with the sources of its values.
 
     Parameters
     ----------
     name
-        Printer of the library, or its file; default: list the library.
+        A printer of the library, or a printer file; default: list the library.
     """
     if name is not None:
         return Outcome(PrinterSummary.of(name))
@@ -24,21 +24,22 @@ def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary
 
 
 @lines.register
-def _(made: LayeredPrint) -> Iterator[str]:
-    values = {key: getattr(made, key) for key in ("printer", "layers", "layer_um", "copies")}
-    values |= {"pixel_um": _pixel(made), "size_mm": _times(made.size_mm), "solid_volume_mm3": made.solid_volume_mm3}
-    if made.volume_error is not None:
-        values |= {"stack_volume_mm3": made.stack_volume_mm3, "volume_error": f"{made.volume_error:+.2e}"}
-    if made.settings.estimated_time_s is not None:
-        values["estimated_time_min"] = made.settings.estimated_time_s / 60.0
-    yield made.name
+def _(result: LayeredPrint) -> Iterator[str]:
+    values = {key: getattr(result, key) for key in ("printer", "layers", "layer_um", "copies")}
+    values |= {"pixel_um": _pixel(result), "size_mm": _times(result.size_mm)}
+    values["solid_volume_mm3"] = result.solid_volume_mm3
+    if result.volume_error is not None:
+        values |= {"stack_volume_mm3": result.stack_volume_mm3, "volume_error": f"{result.volume_error:+.2e}"}
+    if result.settings.estimated_time_s is not None:
+        values["estimated_time_min"] = result.settings.estimated_time_s / 60.0
+    yield result.name
     yield from listing(values)
 
 
 @lines.register
 def _(library: PrinterList) -> Iterator[str]:
     width = max(len(row.printer) for row in library.printers)
-    yield f"{'':{width}}  {'pixel um':>11}  {'pixels':>12}  {'builds mm':>21}  rests on"
+    yield f"{'':{width}}  {'pixel um':>11}  {'pixels':>12}  {'build volume mm':>21}  basis"
     for row in library.printers:
         basis = row.file.pitch_um.basis
         pixels = f"{row.columns} x {row.rows}"
@@ -46,25 +47,24 @@ def _(library: PrinterList) -> Iterator[str]:
 
 
 @lines.register
-def _(shown: PrinterSummary) -> Iterator[str]:
-    stated = shown.file.model_dump(mode="json", exclude_none=True)
-    yield shown.name
-    yield f"  document: {stated['document']}"
-    if shown.file.notes:
-        yield f"  {shown.file.notes}"
-    for key, number in stated.items():
-        if isinstance(number, dict):
-            about = {"basis", "source"}
+def _(summary: PrinterSummary) -> Iterator[str]:
+    tables = summary.file.model_dump(mode="json", exclude_none=True)
+    yield summary.name
+    yield f"  document: {tables['document']}"
+    if summary.file.notes:
+        yield f"  {summary.file.notes}"
+    for key, table in tables.items():
+        if isinstance(table, dict):
             values = ", ".join(
                 f"{name} {value if isinstance(value, str) else format(value, 'g')}"
-                for name, value in number.items()
-                if name not in about
+                for name, value in table.items()
+                if name not in {"basis", "source"}
             )
-            yield f"  {key}: {values or 'yes'} ({number['basis']}: {number['source']})"
+            yield f"  {key}: {values or 'yes'} ({table['basis']}: {table['source']})"
 
 
-def _pixel(of: LayeredPrint | PrinterSummary) -> str:
-    return " x ".join(dict.fromkeys(f"{side:.4g}" for side in (of.pitch_um, of.pitch_y_um)))
+def _pixel(result: LayeredPrint | PrinterSummary) -> str:
+    return " x ".join(dict.fromkeys(f"{side:.4g}" for side in (result.pitch_um, result.pitch_y_um)))
 
 
 def _times(size_mm: tuple[float, float, float]) -> str:

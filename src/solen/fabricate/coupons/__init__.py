@@ -1,4 +1,4 @@
-"""Printable coupons: the solids of their layouts, a job file and a plan at true scale."""
+"""Printable coupons: solids of their layouts, a job file, and a plan at true scale."""
 
 from solen.fabricate.coupons.job import as_job, cautions, read_job
 from solen.fabricate.coupons.plan import as_plan

@@ -1,4 +1,4 @@
-"""Print run of a coupon, ready for the printer, with the layers and exposures specified in its job."""
+"""A run of a coupon, ready for the printer, with the layers and exposures of its job."""
 
 import hashlib
 from pathlib import Path
@@ -10,7 +10,7 @@ from solen.fabricate.coupons.job import JOB_KIND, coupon_options, read_job
 from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.label import Label
 from solen.fabricate.layers.options import Slicing
-from solen.fabricate.layers.printable import Printable, placed_mesh, resin_named
+from solen.fabricate.layers.printable import Printable, described_resin, rotated_mesh
 from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
 from solen.fabricate.mesh import mesh_of
 from solen.geometry.coupons import Coupon, Stage
@@ -19,20 +19,20 @@ from solen.recording import Provenance
 
 
 def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tuple[Printable, Slicing]:
-    """Slice one run of a coupon with the layers and exposures of its job, which cannot be set by options.
+    """Return a printable run of a coupon, and the options with the layers and exposures of its job.
 
-    Parts with individual exposures (cure discs, a single layer on film) become separate images without burn-in.
+    Parts with exposures of their own (cure discs, a single layer on a film) become separate images without burn-in.
 
     Raises
     ------
     DataError
         If the file is not a job.
     SpecError
-        If the job has several runs and none is selected, or if an option contradicts the job.
+        If the job has several runs and none is specified, or an option contradicts the job.
     """
     coupon, data = read_job(path)
     stage, options = _run(coupon, run), coupon_options(data, path)
-    stated = {
+    of_job = {
         "layer_um": options.layer_um,
         "exposure_s": options.exposure_s,
         "burn_in_layers": options.burn_in_layers,
@@ -42,30 +42,28 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
         "orientation": "flat",
         "rotate_deg": (0.0, 0.0, 0.0),
     }
-    for key in slicing.model_fields_set & set(stated):
-        if getattr(slicing, key) != stated[key]:
-            limit = f"the job specifies {stated[key]}"
-            remedy = "omit the option, or write the coupon again: solen print coupons"
+    for key in slicing.model_fields_set & set(of_job):
+        if getattr(slicing, key) != of_job[key]:
+            limit = f"must be {of_job[key]}, as in the job"
+            remedy = "omit it, or write the coupon again with solen print coupons"
             raise SpecError(f"--{key.replace('_', '-')}", value=getattr(slicing, key), limit=limit, remedy=remedy)
-    sliced = slicing.model_copy(update=stated)
+    slicing = slicing.model_copy(update=of_job)
     part = coupon_parts(coupon)[stage.name]
     features = [feature for feature in coupon.features if feature.stage == stage.name]
     times = {feature.name: feature.exposure_s for feature in features if feature.exposure_s is not None}
-    alone = len(times) == len(features)
     greys = {feature.name: feature.grey for feature in features if feature.grey is not None}
-    order = [prism.name for prism in part.prisms]
+    names = [prism.name for prism in part.prisms]
     solid: Solid
-    if alone:
-        shown = [greys[name] for name in order] if greys else []
-        solid = exposures_of(part, [times[name] for name in order], shown)
+    if len(times) == len(features):
+        solid = exposures_of(part, [times[name] for name in names], [greys[name] for name in names] if greys else [])
     else:
         solid = solid_of(part, np.eye(3))
     label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
-    material, resin = resin_named(slicing.resin)
+    material, resin = described_resin(slicing.resin)
     notes = tuple(note(text) for text in (stage.note, *coupon.cautions) if text)
     source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
-    placed = placed_mesh(mesh_of(part, MESH_MM), np.eye(3))
-    return Printable(solid, placed, label, source, material, resin, notes), sliced
+    mesh = rotated_mesh(mesh_of(part, MESH_MM), np.eye(3))
+    return Printable(solid, mesh, label, source, material, resin, notes), slicing
 
 
 def _run(coupon: Coupon, name: str | None) -> Stage:
@@ -74,10 +72,8 @@ def _run(coupon: Coupon, name: str | None) -> Stage:
     if name is None and len(names) == 1:
         return coupon.stages[0]
     if name not in names:
-        runs = (
-            f"{coupon.name} is printed in the runs {', '.join(names)}" if len(names) > 1 else "the job has a single run"
-        )
-        raise SpecError(
-            "--run", value=name, limit=runs, remedy="name one of these runs" if len(names) > 1 else "omit it"
-        )
+        if len(names) == 1:
+            raise SpecError("--run", value=name, limit="does not apply: the job has a single run", remedy="omit it")
+        limit = f"must be {' or '.join(names)} for {coupon.name}"
+        raise SpecError("--run", value=name, limit=limit, remedy="specify one of them")
     return coupon.stages[names.index(name)]

@@ -1,6 +1,6 @@
-"""Solids of coupons: each slab with its holes is one prism, and each column on a slab is another.
+"""Solids of coupons: a slab with its holes is one prism, and each column on it is another.
 
-X and Y are the layout coordinates, and Z is the height above the plate. Each print run has its own part.
+X and Y are those of the layout, and Z is the height above the plate. Each run has a part of its own.
 """
 
 from solen.curve import Arc, Segment
@@ -14,7 +14,7 @@ Outline = tuple[Face, ...]
 
 
 def coupon_parts(coupon: Coupon) -> dict[str, Part]:
-    """Return the parts of a coupon, keyed by stage name; heights are measured from the first layer of the stage.
+    """Return the parts of a coupon, keyed by stage; heights are measured from the first layer of the stage.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def _part(coupon: Coupon, stage: str) -> Part:
     if coupon.slab is not None and stage == coupon.stages[0].name:
         slab = coupon.slab
         outer = _rectangle("slab", (0.0, 0.0), slab.width_mm, slab.depth_mm, slab.bevel_mm)
-        outlines = (outer, *(_circle(hole, inside_out=True) for hole in holes))
+        outlines = (outer, *(_circle(hole, clockwise=True) for hole in holes))
         prisms.append(Prism("slab", outlines, 0.0, slab.thickness_mm))
     columns = [feature for feature in features if feature.kind != "hole"]
     prisms += [Prism(column.name, (_outline(column),), column.from_mm, column.to_mm) for column in columns]
@@ -42,19 +42,19 @@ def _part(coupon: Coupon, stage: str) -> Part:
 def _outline(feature: Feature) -> Outline:
     if feature.round:
         return _circle(feature)
-    at = (feature.x_mm, feature.y_mm)
-    return _rectangle(feature.name, at, feature.width_mm, feature.depth_mm, feature.bevel_mm)
+    centre = (feature.x_mm, feature.y_mm)
+    return _rectangle(feature.name, centre, feature.width_mm, feature.depth_mm, feature.bevel_mm)
 
 
-def _circle(feature: Feature, *, inside_out: bool = False) -> Outline:
+def _circle(feature: Feature, *, clockwise: bool = False) -> Outline:
     circle = Arc.circle((feature.x_mm, feature.y_mm), 0.5 * feature.diameter_mm)
-    return (Face(feature.name, circle.reversed() if inside_out else circle),)
+    return (Face(feature.name, circle.reversed() if clockwise else circle),)
 
 
-def _rectangle(name: str, at: Point, width: float, depth: float, bevel: float) -> Outline:
-    """Return a counter-clockwise rectangle about a point, with a bevelled right back corner."""
-    x, y, right, back = *at, at[0] + 0.5 * width, at[1] + 0.5 * depth
-    left, front = 2.0 * x - right, 2.0 * y - back
+def _rectangle(name: str, centre: Point, width: float, depth: float, bevel: float) -> Outline:
+    """Return a counter-clockwise rectangle with a bevelled right back corner."""
+    x, y = centre
+    left, right, front, back = x - 0.5 * width, x + 0.5 * width, y - 0.5 * depth, y + 0.5 * depth
     corner = [(right, back)] if bevel == 0.0 else [(right, back - bevel), (right - bevel, back)]
     corners = [(left, front), (right, front), *corner, (left, back)]
     sides = ["front", "right", *(["bevel"] if bevel else []), "back", "left"]

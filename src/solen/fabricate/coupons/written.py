@@ -1,6 +1,6 @@
-"""Coupon files: the solids, job and plan of each coupon, and a summary.
+"""Files of coupons: the solids, job and plan of each coupon, and a summary.
 
-`coupon_set` summarises coupons; `written_coupons` also writes their files according to `CouponOutput`.
+`coupon_set` returns the summary; `written_coupons` also returns the files, according to `CouponOutput`.
 """
 
 import math
@@ -29,21 +29,21 @@ Side = Annotated[float, Field(gt=0, lt=math.inf)]
 
 
 class CouponOutput(Options):
-    """Output options for coupons."""
+    """Options for the files of coupons."""
 
     printer: str | None = None
-    """Printer from the library, or a printer file; specifies the plate and the pixel size."""
+    """Printer, which specifies the plate and the pixel size: name in the library, or a printer file."""
     plate_mm: tuple[Side, Side] | None = None
-    """Width and depth of the build plate, which must accommodate each coupon."""
+    """Width and depth of the build plate, on which each coupon must fit."""
     step: bool = False
-    """Also write exact solids for CAD programs (requires the extra cad)."""
+    """Also write STEP files of the exact solids (requires the extra cad)."""
     tolerance_mm: float = 1e-3
     """Maximum deviation of a mesh from the exact walls, 1e-4 to 1."""
 
 
 @dataclass(frozen=True)
 class CouponPart:
-    """A part that is printed in one run, with its mesh and its volume within the exact curves."""
+    """A part that is printed in one run, with its exact volume and its mesh."""
 
     name: str
     volume_mm3: float
@@ -52,9 +52,9 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """Summary of a coupon: size, numbers of features, gaps and steps, and assumptions about the light source.
+    """Summary of a coupon: size, numbers of features, gaps and steps, and how its published description was read.
 
-    ``parts`` are the written parts; ``warnings`` report what the printer cannot reproduce.
+    ``parts`` are the parts with files; ``warnings`` list what the printer cannot resolve.
     """
 
     name: str
@@ -70,7 +70,7 @@ class CouponSummary:
 
     @classmethod
     def of(cls, coupon: Coupon, options: CouponOptions, parts: Sequence[CouponPart] = ()) -> "CouponSummary":
-        """Summarise a coupon laid out with the given options."""
+        """Return the summary of a coupon with the options of its layout."""
         return cls(
             name=coupon.name,
             title=coupon.title,
@@ -86,7 +86,7 @@ class CouponSummary:
 
 
 class CouponSet(Result):
-    """Coupons with their options and layouts; JSON output omits the layouts."""
+    """Coupons with their options and layouts; the layouts are omitted from JSON."""
 
     coupons: tuple[CouponSummary, ...]
     options: CouponOptions
@@ -94,7 +94,7 @@ class CouponSet(Result):
 
 
 def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
-    """Summarise coupons, selected by comma-separated names or ``all``, without writing files."""
+    """Return the summary of coupons, without files; ``only`` is a list of names separated by commas, or ``all``."""
     coupons = tuple(layouts(only, options))
     return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in coupons), options, coupons)
 
@@ -102,12 +102,12 @@ def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()
 def written_coupons(
     only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
 ) -> tuple[CouponSet, dict[str, bytes]]:
-    """Make coupons, selected by name or ``all``, and return their files by name: STL, 3MF, job and plan.
+    """Return the summary of coupons and their files (STL, 3MF, job and plan), keyed by name.
 
     Raises
     ------
     SolenError
-        If a coupon cannot be made or does not fit on the plate, or an extra is missing.
+        If a coupon cannot be made or does not fit on the plate, or an extra is not installed.
     """
     if output.step:
         check_kernel()
@@ -120,12 +120,12 @@ def written_coupons(
     for coupon in coupons:
         _check_plate(coupon, plate_mm or (math.inf, math.inf))
     files: dict[str, bytes] = {}
-    summaries = [_written(coupon, options, output, files) for coupon in coupons]
+    summaries = [_add_files(coupon, options, output, files) for coupon in coupons]
     return CouponSet(tuple(summaries), options, tuple(coupons)), files
 
 
-def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files: dict[str, bytes]) -> CouponSummary:
-    """Add the files of one coupon to ``files``."""
+def _add_files(coupon: Coupon, options: CouponOptions, output: CouponOutput, files: dict[str, bytes]) -> CouponSummary:
+    """Add the files of a coupon to ``files``, and return its summary."""
     label = Label(coupon.name, job_sha256(coupon, options), f"coupon: {coupon.title}")
     stages, parts = {}, []
     for stage, part in coupon_parts(coupon).items():
@@ -142,9 +142,9 @@ def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files
 
 
 def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
-    """Raise `SpecError` if a coupon is larger than the build plate even when rotated by 90 degrees."""
+    """Raise `SpecError` if a coupon does not fit on the build plate, even if it is rotated by 90 degrees."""
     width, depth, _ = coupon.size_mm
     if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
-        size = f"{width:g} x {depth:g} mm"
-        limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
-        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="omit the coupon, or shorten its rows")
+        size, plate = f"{width:g} x {depth:g} mm", f"{plate_mm[0]:g} x {plate_mm[1]:g} mm"
+        limit = f"of {size} does not fit on a plate of {plate}"
+        raise SpecError(f"coupon {coupon.name}", limit=limit, remedy="omit this coupon with --only")

@@ -1,9 +1,9 @@
 """ZIP archive of layers: one PNG per layer, a manifest, and a job.json with heights, exposures and source.
 
-Images are added to the archive as they are made and stored without further compression; entries have no date. job.json
-is written last because the areas are only known then. UVtools (github.com/sn4k3/UVtools, "generic zip") opens an
-archive that contains ``1.png`` to ``N.png`` and ``manifest.uvtools``, an XML file with the resolution, display size in
-mm, height and layer thickness; the manifest has no entry for exposures.
+Images are written to the archive as they are made, without further compression; entries have no date. job.json is
+written last because the areas are known only then. UVtools (github.com/sn4k3/UVtools, "generic zip") opens an archive
+that contains ``1.png`` to ``N.png`` and ``manifest.uvtools``, an XML file with the resolution, display size in mm,
+height and layer thickness; the manifest has no entry for exposures.
 """
 
 import io
@@ -26,11 +26,10 @@ from solen.fabricate.meshfiles import NO_DATE
 JOB_SCHEMA = 2
 JOB_NAME = "job.json"
 MANIFEST_NAME = "manifest.uvtools"
-RULE = (
-    "grey level / 255 is the fraction of the pixel area that the solid covers at mid-height of the layer; "
-    "a last layer that is less than half filled is omitted"
-)
-CORRECTED = RULE.replace("is the share", "transmits, according to the measured grey response, the fraction", 1)
+COVERED = "the fraction of the pixel area that the solid covers at mid-height of the layer"
+LAST_LAYER = "a last layer that is less than half filled is omitted"
+RULE = f"grey level / 255 is {COVERED}; {LAST_LAYER}"
+CORRECTED_RULE = f"according to the measured grey response, the light of the grey level is {COVERED}; {LAST_LAYER}"
 VIEW = "seen from above the plate, with X to the right and Y upwards: the first row has the largest Y"
 
 Watch = Callable[[Layer], object]
@@ -40,7 +39,7 @@ Watch = Callable[[Layer], object]
 class Stack:
     """A stack of layers: volume in mm³, areas in mm² of the first and the largest layer, and islands.
 
-    ``islands`` are pairs of a layer number and the number of regions in that layer with nothing below them.
+    ``islands`` are pairs of a layer index and the number of regions in that layer without support from below.
     """
 
     layers: int
@@ -51,16 +50,16 @@ class Stack:
 
 
 @dataclass
-class StackCount:
-    """Volume, areas and islands of a stack, accumulated layer by layer as the images are made."""
+class StackRecorder:
+    """Areas and islands of a stack, recorded layer by layer as the images are made."""
 
     job: Job
     watch: Watch
     areas_mm2: list[float] = field(default_factory=list)
     islands: list[tuple[int, int]] = field(default_factory=list)
 
-    def images(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
-        """Yield layers with their images as bytes; an image equal to the previous one is not encoded again."""
+    def encoded_layers(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
+        """Yield layers with their encoded images; an image identical to the previous one is not encoded again."""
         last, data = None, b""
         for layer in self.job.layers():
             if layer.image is not last:
@@ -80,23 +79,23 @@ class StackCount:
 def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
     """Write the layers of a job; job.json names ``part`` and its source, and ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
-    count = StackCount(job, watch)
+    recorder = StackRecorder(job, watch)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr(zipfile.ZipInfo(MANIFEST_NAME, NO_DATE), _manifest(job))
-        for layer, data in count.images(lambda image: as_png(image, job.printer.pitches_mm)):
+        for layer, data in recorder.encoded_layers(lambda image: as_png(image, job.printer.pitches_mm)):
             name = f"{layer.index + 1}.png"
             archive.writestr(zipfile.ZipInfo(name, NO_DATE), data)
             rows.append({"file": name} | _row(layer))
-        stack = count.stack()
+        stack = recorder.stack()
         entry = zipfile.ZipInfo(JOB_NAME, NO_DATE)
         entry.compress_type = zipfile.ZIP_DEFLATED
-        text = json.dumps(_described(job, stack, part) | {"layers": rows}, indent=1, allow_nan=False)
+        text = json.dumps(_description(job, stack, part) | {"layers": rows}, indent=1, allow_nan=False)
         archive.writestr(entry, f"{text}\n")
     return stack
 
 
 def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
-    """Return a PNG of grey levels (rows, columns), first row at the top, with the given pixel sides along X and Y."""
+    """Return a PNG of grey levels (rows, columns), with the first row at the top and the pixel sizes along X and Y."""
     from PIL import Image
 
     data = io.BytesIO()
@@ -105,7 +104,7 @@ def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
 
 
 def _manifest(job: Job) -> bytes:
-    """Return the manifest with pixel and layer sizes for UVtools."""
+    """Return the manifest for UVtools, with the sizes of pixels and layers."""
     (rows, columns), (x, y, z) = job.printer.shape, job.printer.size_mm
     root = ET.Element("Manifest")
     about: dict[str, object] = {"CreatedBy": WRITER, "UpdatedBy": WRITER, "LayerHeight": job.layer_mm}
@@ -117,8 +116,8 @@ def _manifest(job: Job) -> bytes:
 
 
 def _row(layer: Layer) -> dict[str, Any]:
-    piece = {"feature": layer.feature} if layer.feature else {}
-    return piece | {
+    feature = {"feature": layer.feature} if layer.feature else {}
+    return feature | {
         "from_mm": round(layer.from_mm, 9),
         "to_mm": round(layer.to_mm, 9),
         "exposure_s": layer.exposure_s,
@@ -128,7 +127,7 @@ def _row(layer: Layer) -> dict[str, Any]:
     }
 
 
-def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]:
+def _description(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]:
     (rows, columns), slicing = job.printer.shape, job.slicing
     about: dict[str, Any] = {}
     if part is not None:
@@ -142,7 +141,7 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         "rotate_deg": slicing.rotate_deg,
         "burn_in_layers": job.burn_in_layers,
         "z_offset_mm": slicing.z_offset_um / 1000.0,
-        "rule": CORRECTED if job.greys.answer and job.greys.corrected else RULE,
+        "rule": CORRECTED_RULE if job.greys.response and job.greys.corrected else RULE,
         "view": VIEW,
         "mirror": job.mirror,
         "phase_px": slicing.phase_px,
@@ -151,7 +150,7 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         "pitch_mm": job.printer.pitches_mm,
         "pixels": {"columns": columns, "rows": rows},
         "layer_mm": job.layer_mm,
-        "copies_mm": job.places_mm,
+        "copies_mm": job.positions_mm,
         "size_mm": job.solid.size_mm,
         "solid_volume_mm3": job.volume_mm3,
         "stack_volume_mm3": stack.volume_mm3,

@@ -1,8 +1,9 @@
 """A print job: copies of a solid on the plate of a printer, layer by layer.
 
-The origin of the part is at a corner of four pixels, or at a specified position in a pixel, and copies are an integer
-number of pixels apart. A sensor, whose origin is the lens vertex, therefore stays symmetric about its axis, drawings on
-a pixel grid stay on the grid, and all copies have identical pixels. The group of copies is centred on the plate.
+The origin of the part is at the common corner of four pixels, or at a specified position in a pixel, and the distances
+between copies are integer numbers of pixels. A sensor, whose origin is the lens vertex, therefore stays symmetric about
+its axis, drawings on a pixel grid stay on the grid, and all copies have identical pixels. The copies are centred on the
+plate.
 """
 
 import math
@@ -27,20 +28,20 @@ Bytes = NDArray[np.uint8]
 
 PAPER_MW_PER_CM2 = 13.0
 """Irradiance at which the working curve of the paper was measured."""
-MAX_NAMED = 3
-"""Maximum number of larger printers that an error message suggests, starting with the smallest."""
+MAX_SUGGESTED = 3
+"""Maximum number of larger printers that an error message suggests, the smallest first."""
 GREY_STEPS = "all steps together"
-EXACT = 1e-6
-"""Rounding tolerance as a fraction of a layer or of a pixel."""
+ROUNDING = 1e-6
+"""Rounding tolerance as a fraction of a layer or a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """One layer: number counted from 0, heights above the plate, exposure, dose at the window, and image.
+    """A layer: index from 0, heights above the plate, exposure time, dose at the window, and image.
 
     ``image`` (rows, columns) has the largest Y in its first row; identical layers share one array. ``feature`` names
-    the part if it is exposed alone; it is empty for a layer of a stack. ``area_mm2`` is the covered area of all copies.
-    ``islands`` is the number of regions of a copy that begin with nothing of the previous layer below them.
+    the part if it is exposed separately, and is empty for a layer of a stack. ``area_mm2`` is the covered area of all
+    copies. ``islands`` is the number of regions of a copy with nothing of the previous layer below them.
     """
 
     index: int
@@ -61,9 +62,9 @@ class Job:
     Raises
     ------
     SpecError
-        If the printer cannot make layers of the requested thickness.
+        If the printer cannot make layers of the specified thickness, or options contradict one another.
     DesignError
-        If the solid is too low for a single layer, or the copies do not fit on the printer.
+        If the solid is too low for a single layer, or the copies do not fit on the plate.
     """
 
     solid: Solid
@@ -73,20 +74,19 @@ class Job:
     process: Process | None = None
 
     def __post_init__(self) -> None:
-        if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
-            limit = (
-                "applies to parts; the grey levels of grey steps are printed unchanged because they are to be measured"
-            )
+        if self.greys.response and isinstance(self.solid, Exposures) and self.solid.greys:
+            limit = "does not apply to the grey-steps coupon, whose grey levels are to be measured"
             raise SpecError("--process", limit=limit, remedy="omit it")
         self._check_image_options()
-        least, most = self.printer.layers_um
-        if not least <= self.slicing.layer_um <= most:
-            limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
+        low, high = self.printer.layers_um
+        if not low <= self.slicing.layer_um <= high:
+            limit = f"must be {low:g} to {high:g} µm for {self.printer.name}"
             raise SpecError("--layer-um", value=self.slicing.layer_um, limit=limit, remedy="choose another printer")
         if self.count < 1:
             height = f"{self.solid.size_mm[2] * 1e3:.4g} µm high"
-            limit = f"must be at least half a layer of {self.slicing.layer_um:g} µm"
-            raise DesignError("part", value=height, limit=limit, remedy="make the part thicker, or its layers thinner")
+            limit = f"is {height}, less than half a layer of {self.slicing.layer_um:g} µm"
+            remedy = "make the part thicker, or its layers thinner"
+            raise DesignError("part", limit=limit, remedy=remedy)
         self._check_size()
 
     @property
@@ -96,7 +96,7 @@ class Job:
 
     @property
     def count(self) -> int:
-        """Number of layers whose mid-height is in the solid, or of images for individually exposed parts."""
+        """Number of layers with their mid-height in the solid, or number of separate exposures."""
         if self.solid.exposures_s:
             return len(self.solid.exposures_s)
         return layer_count(self.solid.size_mm[2], self.layer_mm)
@@ -107,7 +107,7 @@ class Job:
         return self.layer_mm if self.solid.exposures_s else self.count * self.layer_mm
 
     def seconds_of(self, index: int) -> float:
-        """Return the exposure of a layer in s; the first layer is number 0."""
+        """Return the exposure time of a layer; the index of the first layer is 0."""
         return (self.solid.exposures_s or (self.slicing.seconds(index),) * self.count)[index]
 
     @property
@@ -147,88 +147,86 @@ class Job:
 
     @property
     def irradiance_mW_per_cm2(self) -> float:
-        """Irradiance at the window: as requested, otherwise from the printer file, otherwise from the paper."""
+        """Irradiance at the window: that of the options, else of the printer file, else of the paper."""
         printer = self.printer.irradiance_mw_per_cm2
-        usual = PAPER_MW_PER_CM2 if printer is None else printer.nominal
-        return self.slicing.irradiance_mW_per_cm2 or usual
+        default = PAPER_MW_PER_CM2 if printer is None else printer.nominal
+        return self.slicing.irradiance_mW_per_cm2 or default
 
     @property
     def tile(self) -> tuple[int, int]:
-        """Rows and columns of pixels in the image of one copy."""
+        """Numbers of rows and columns of the image of one copy, its tile."""
         ends = zip(self.solid.size_mm, self.tile_from_mm, self.printer.pitches_mm, strict=False)
-        columns, rows = (max(math.ceil((end - start) / pitch - EXACT), 1) for end, start, pitch in ends)
+        columns, rows = (max(math.ceil((end - start) / pitch - ROUNDING), 1) for end, start, pitch in ends)
         return rows, columns
 
     @property
     def tile_from_mm(self) -> tuple[float, float]:
-        """X and Y, in solid coordinates, of the edge of the first pixel in the tile of a copy, before the solid."""
-        stated = zip(self.solid.origin_mm, self.printer.pitches_mm, self.slicing.phase_px, strict=True)
-        shifts = [(origin / pitch - phase, pitch) for origin, pitch, phase in stated]
-        left, low = ((shift - math.ceil(shift - EXACT)) * pitch for shift, pitch in shifts)
+        """X and Y of the lower left corner of the tile, in coordinates of the solid."""
+        axes = zip(self.solid.origin_mm, self.printer.pitches_mm, self.slicing.phase_px, strict=True)
+        shifts = [(origin / pitch - phase, pitch) for origin, pitch, phase in axes]
+        left, low = ((shift - math.ceil(shift - ROUNDING)) * pitch for shift, pitch in shifts)
         return left, low
 
     @cached_property
     def corners(self) -> tuple[tuple[int, int], ...]:
-        """Row and column, counted from the lower left, of the first pixel in the tile of each copy."""
+        """Row and column of the lower left pixel of the tile of each copy, counted from the lower left of the plate."""
         rows, columns = self._grid
         steps = tuple(size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
         used = (rows * steps[0] - self._gaps[0], columns * steps[1] - self._gaps[1])
-        starts = tuple((whole - part) // 2 for whole, part in zip(self.printer.shape, used, strict=True))
-        places = [divmod(number, columns) for number in range(self.slicing.copies)]
-        return tuple((starts[0] + row * steps[0], starts[1] + column * steps[1]) for row, column in places)
+        starts = tuple((total - size) // 2 for total, size in zip(self.printer.shape, used, strict=True))
+        cells = [divmod(number, columns) for number in range(self.slicing.copies)]
+        return tuple((starts[0] + row * steps[0], starts[1] + column * steps[1]) for row, column in cells)
 
     @property
-    def places_mm(self) -> tuple[tuple[float, float], ...]:
-        """X and Y of the centre of each copy from the centre of the plate, before the images are mirrored."""
-        (wide, deep), (rows, columns) = self.printer.pitches_mm, self.printer.shape
+    def positions_mm(self) -> tuple[tuple[float, float], ...]:
+        """X and Y of the centre of each copy relative to the centre of the plate, before mirroring."""
+        (x_pitch, y_pitch), (rows, columns) = self.printer.pitches_mm, self.printer.shape
         (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
         return tuple(
-            ((column - 0.5 * columns) * wide - left + 0.5 * x, (row - 0.5 * rows) * deep - low + 0.5 * y)
+            ((column - 0.5 * columns) * x_pitch - left + 0.5 * x, (row - 0.5 * rows) * y_pitch - low + 0.5 * y)
             for row, column in self.corners
         )
 
     def layers(self) -> Iterator[Layer]:
         """Yield the layers from the plate upwards, each computed on demand."""
         if isinstance(self.solid, Exposures):
-            yield from self._images(self.solid)
+            yield from self._separate_exposures(self.solid)
             return
-        known: int | None = None
+        last_section: int | None = None
         tile: Bytes | None = None
-        image, shares = np.zeros(self.printer.shape, np.uint8), 0.0
+        image = np.zeros(self.printer.shape, np.uint8)
         for index in range(self.count):
-            number, rings = self.solid.section((index + 0.5) * self.layer_mm)
-            if tile is not None and number is not None and number == known:
-                islands = 0
-            else:
-                drawn = self._drawn(rings)
-                islands = 0 if tile is None else islands_over(drawn, tile)
-                if tile is None or not np.array_equal(drawn, tile):
-                    tile, image, shares = (
-                        drawn,
-                        self._placed(self.greys.levels[drawn]),
-                        float(drawn.sum(dtype=np.int64)) / FULL,
-                    )
-            known = number
-            yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
+            section, rings = self.solid.section((index + 0.5) * self.layer_mm)
+            islands = 0
+            if tile is None or section is None or section != last_section:
+                covered = self._coverage(rings)
+                islands = 0 if tile is None else islands_over(covered, tile)
+                if tile is None or not np.array_equal(covered, tile):
+                    tile, image = covered, self._plate_image(self.greys.levels[covered])
+            last_section = section
+            yield self._layer(index, image, self._area_mm2(tile), islands)
 
-    def _images(self, pieces: Exposures) -> Iterator[Layer]:
-        """Yield an image for each part, all at one height."""
-        names = (GREY_STEPS,) if pieces.greys else pieces.names
-        for index, (name, seconds) in enumerate(zip(names, pieces.exposures_s, strict=True)):
-            drawn = self._drawn(pieces.section(0.0)[1] if pieces.greys else pieces.rings[index])
-            image = self._placed(self.copy_of_layer(index))
-            area_mm2 = self.slicing.copies * float(drawn.sum(dtype=np.int64)) / FULL * self.printer.pixel_mm2
+    def _separate_exposures(self, parts: Exposures) -> Iterator[Layer]:
+        """Yield an image for each separately exposed part, all at one height."""
+        names = (GREY_STEPS,) if parts.greys else parts.names
+        for index, (name, seconds) in enumerate(zip(names, parts.exposures_s, strict=True)):
+            covered = self._coverage(parts.section(0.0)[1] if parts.greys else parts.rings[index])
+            image = self._plate_image(self.copy_of_layer(index))
             dose = self.irradiance_mW_per_cm2 * seconds
-            yield Layer(index, 0.0, self.layer_mm, seconds, dose, image, area_mm2, 0, name)
+            yield Layer(index, 0.0, self.layer_mm, seconds, dose, image, self._area_mm2(covered), 0, name)
+
+    def _area_mm2(self, tile: Bytes) -> float:
+        """Return the covered area of all copies of a tile."""
+        return self.slicing.copies * (float(tile.sum(dtype=np.int64)) / FULL) * self.printer.pixel_mm2
 
     def copy_of_layer(self, index: int) -> Bytes:
         """Return the image of one copy in a layer, rows upwards, before mirroring."""
         if not isinstance(self.solid, Exposures):
-            return self.greys.levels[self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])]
+            return self.greys.levels[self._coverage(self.solid.section((index + 0.5) * self.layer_mm)[1])]
         if not self.solid.greys:
-            return self.greys.levels[self._drawn(self.solid.rings[index])]
+            return self.greys.levels[self._coverage(self.solid.rings[index])]
         steps = zip(self.solid.rings, self.solid.greys, strict=True)
-        return np.asarray(sum(np.rint(grey * self._drawn(rings)) for rings, grey in steps), np.uint8)
+        return np.asarray(sum(np.rint(grey * self._coverage(rings)) for rings, grey in steps), np.uint8)
 
     def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:
         seconds = self.slicing.seconds(index)
@@ -236,81 +234,81 @@ class Job:
         low, high = index * self.layer_mm, (index + 1) * self.layer_mm
         return Layer(index, low, high, seconds, dose, image, area_mm2, islands)
 
-    def _drawn(self, rings: Rings) -> Bytes:
-        """Return the covered fractions in the tile of one copy in 255ths, rows upwards."""
-        shares = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
-        return np.where(shares > FULL // 2, FULL, 0).astype(np.uint8) if self.slicing.no_anti_aliasing else shares
+    def _coverage(self, rings: Rings) -> Bytes:
+        """Return the covered fractions of the pixels of a tile in 255ths, rows upwards."""
+        covered = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
+        return np.where(covered > FULL // 2, FULL, 0).astype(np.uint8) if self.slicing.no_anti_aliasing else covered
 
-    def _placed(self, tile: Bytes) -> Bytes:
-        """Return the image of the plate with a tile for each copy, largest Y first."""
+    def _plate_image(self, tile: Bytes) -> Bytes:
+        """Return the image of the plate with a tile for each copy, the largest Y first."""
         plate = np.zeros(self.printer.shape, np.uint8)
         rows, columns = tile.shape
         for row, column in self.corners:
             plate[row : row + rows, column : column + columns] = tile
-        seen = plate[::-1]
-        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.mirror]
-        seen.flags.writeable = False
-        return seen
+        image = plate[::-1]
+        image = {"none": image, "x": image[:, ::-1], "y": image[::-1]}[self.mirror]
+        image.flags.writeable = False
+        return image
 
     @property
     def mirror(self) -> Axis:
         """Axis along which the images are mirrored."""
-        printers = "none" if self.printer.mirror is None else self.printer.mirror.axis
-        return self.slicing.mirror or printers
+        default: Axis = "none" if self.printer.mirror is None else self.printer.mirror.axis
+        return self.slicing.mirror or default
 
     @property
     def _gaps(self) -> tuple[int, int]:
-        """Rows and columns of pixels between copies."""
-        x, y = (math.ceil(self.slicing.gap_mm / pitch - EXACT) for pitch in self.printer.pitches_mm)
+        """Numbers of rows and columns of pixels between copies."""
+        x, y = (math.ceil(self.slicing.gap_mm / pitch - ROUNDING) for pitch in self.printer.pitches_mm)
         return y, x
 
     @property
-    def _most(self) -> tuple[int, int]:
+    def _max_grid(self) -> tuple[int, int]:
         """Maximum numbers of rows and columns of copies on the plate."""
-        fits = zip(self.printer.shape, self.tile, self._gaps, strict=True)
-        rows, columns = ((whole + gap) // (size + gap) for whole, size, gap in fits)
+        axes = zip(self.printer.shape, self.tile, self._gaps, strict=True)
+        rows, columns = ((total + gap) // (size + gap) for total, size, gap in axes)
         return rows, columns
 
     @cached_property
     def _grid(self) -> tuple[int, int]:
-        """Rows and columns of the copies, in a grid as nearly square as possible."""
-        (rows, columns), (x, y) = self._most, self.printer.pitches_mm
-        tall, wide = (size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
-        wanted = math.ceil(math.sqrt(self.slicing.copies * tall * y / (wide * x)))
-        chosen = min(max(wanted, math.ceil(self.slicing.copies / rows)), columns, self.slicing.copies)
-        return math.ceil(self.slicing.copies / chosen), chosen
+        """Numbers of rows and columns of copies, in a grid that is as square as possible."""
+        (max_rows, max_columns), (x_pitch, y_pitch) = self._max_grid, self.printer.pitches_mm
+        height, width = (size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
+        square = math.ceil(math.sqrt(self.slicing.copies * height * y_pitch / (width * x_pitch)))
+        columns = min(max(square, math.ceil(self.slicing.copies / max_rows)), max_columns, self.slicing.copies)
+        return math.ceil(self.slicing.copies / columns), columns
 
     def _check_image_options(self) -> None:
-        """Reject image options if no images are written."""
+        """Reject options of images if no images are written."""
         slicing = self.slicing
         for key in ("format", "phase_px", "no_anti_aliasing"):
             if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
-                limit = "applies to images, and --sheet-only writes none"
-                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of these options")
+                limit = "does not apply with --sheet-only, which writes no images"
+                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of them")
 
     def _check_size(self) -> None:
         size, build = self.solid.size_mm, self.printer.size_mm
-        rows, columns = self._most
-        if self.height_mm <= build[2] * (1.0 + EXACT) and rows * columns >= self.slicing.copies:
+        rows, columns = self._max_grid
+        if self.height_mm <= build[2] * (1.0 + ROUNDING) and rows * columns >= self.slicing.copies:
             return
-        builds = f"{self.printer.name} builds {_times(build)} mm"
+        volume = f"the build volume of {self.printer.name}, {_times(build)} mm"
         if self.slicing.copies > 1 and rows * columns and self.height_mm <= build[2]:
-            limit = f"{builds}, which has space for at most {rows * columns} copies {self.slicing.gap_mm:g} mm apart"
-            raise DesignError(
-                "--copies", value=self.slicing.copies, limit=limit, remedy="print fewer copies, or reduce --gap-mm"
-            )
-        raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, build))
+            limit = f"must be at most {rows * columns} with gaps of {self.slicing.gap_mm:g} mm in {volume}"
+            remedy = "print fewer copies, or reduce --gap-mm"
+            raise DesignError("--copies", value=self.slicing.copies, limit=limit, remedy=remedy)
+        limit = f"is {_times(size)} mm, too large for {volume}"
+        raise DesignError("part", limit=limit, remedy=_remedy(size, build))
 
 
 def islands_over(tile: Bytes, below: Bytes) -> int:
-    """Return the number of connected regions of an image that touch no lit pixel of the image below."""
-    lit, held = tile > 0, below > 0
-    if not np.any(lit & ~held):
+    """Return the number of connected regions of an image with no lit pixel of the image below them."""
+    lit, supported = tile > 0, below > 0
+    if not np.any(lit & ~supported):
         return 0
     from scipy.ndimage import label
 
-    pieces, count = label(lit, np.ones((3, 3)))
-    return int(count - len(np.unique(pieces[held & lit])))
+    regions, count = label(lit, np.ones((3, 3)))
+    return int(count - len(np.unique(regions[supported & lit])))
 
 
 def _times(size: tuple[float, float, float]) -> str:
@@ -318,7 +316,7 @@ def _times(size: tuple[float, float, float]) -> str:
 
 
 def _fits(size: tuple[float, float, float], build: tuple[float, float, float]) -> bool:
-    return all(length <= most * (1.0 + EXACT) for length, most in zip(size, build, strict=True))
+    return all(length <= limit * (1.0 + ROUNDING) for length, limit in zip(size, build, strict=True))
 
 
 def _remedy(size: tuple[float, float, float], build: tuple[float, float, float]) -> str:
@@ -330,8 +328,6 @@ def _remedy(size: tuple[float, float, float], build: tuple[float, float, float])
         return "print the part in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))
-    return (
-        f"choose a larger printer ({', '.join(larger[:MAX_NAMED])})"
-        if larger
-        else "make the part smaller, or divide it"
-    )
+    if larger:
+        return f"choose a larger printer, such as {', '.join(larger[:MAX_SUGGESTED])}"
+    return "make the part smaller, or divide it"

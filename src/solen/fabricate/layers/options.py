@@ -13,19 +13,19 @@ Orientation = Literal["flat", "upright", "on-edge"]
 Degrees = tuple[Finite, Finite, Finite]
 Phase = Annotated[float, Field(ge=0, lt=1)]
 Seconds = Annotated[float, Field(gt=0, le=3600)]
-EXPOSED = ("layer_um", "burn_in_layers", "burn_in_s", "exposure_s", "irradiance_mW_per_cm2")
-"""Settings that a process file may also specify."""
+PROCESS_KEYS = ("layer_um", "burn_in_layers", "burn_in_s", "exposure_s", "irradiance_mW_per_cm2")
+"""Options that a process file also contains."""
 
 
 class Slicing(Options):
-    """How a part is sliced and exposed; the default exposures are from the paper."""
+    """How a part is sliced and exposed; the default exposures are those of the paper."""
 
     printer: str = "generic"
-    """Printer from the library (solen print printers), or a printer file."""
+    """Printer: name in the library (solen print printers), or a printer file."""
     layer_um: Finite = 25.0
     """Layer thickness."""
     orientation: Orientation = "flat"
-    """Orientation of the part; upright places a sensor on its arms and prints the lens last."""
+    """Orientation of the part; upright prints a sensor on the ends of its arms, with the lens last."""
     rotate_deg: Degrees = (0.0, 0.0, 0.0)
     """Angles of further rotations about the X, Y and Z axes of the plate."""
     copies: Annotated[int, Field(ge=1, le=10_000)] = 1
@@ -33,56 +33,56 @@ class Slicing(Options):
     gap_mm: Annotated[float, Field(ge=0, le=1000)] = 2.0
     """Minimum distance between copies."""
     burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
-    """Number of first layers with a longer exposure (burn-in)."""
+    """Number of burn-in layers: first layers with a longer exposure."""
     burn_in_s: Seconds = 3.0
-    """Exposure of the burn-in layers."""
+    """Exposure time of the burn-in layers."""
     exposure_s: Seconds = 2.0
-    """Exposure of all other layers."""
+    """Exposure time of the other layers."""
     irradiance_mW_per_cm2: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """Irradiance at the window; default: from the printer file, or 13 as in the paper."""
+    """Irradiance at the window; default: that of the printer file, or 13 as in the paper."""
     z_offset_um: Annotated[float, Field(ge=-1e5, le=1e5)] = 0.0
-    """Thickness of a film or base under the part, for the settings sheet."""
+    """Thickness of a film or base under the part; it appears on the settings sheet."""
     mirror: Axis | None = None
-    """Mirror the images along x or y; default: as in the printer file, otherwise no mirroring."""
+    """Axis along which images are mirrored; default: that of the printer file, or none."""
     phase_px: tuple[Phase, Phase] = (0.0, 0.0)
-    """Position of the part origin (for a sensor, the lens vertex) in its pixel along X and Y; 0 is at a corner."""
+    """Position of the part's origin (for a sensor, the lens vertex) in its pixel along X and Y; 0 is at a corner."""
     no_anti_aliasing: bool = False
-    """Expose only pixels that are covered by half or more; by default, pixels at an edge are grey."""
+    """Expose pixels fully if at least half of their area is covered, and not otherwise; by default, edges are grey."""
     process: Path | None = None
-    """Process file: its measured grey levels draw edges, its layers and exposures apply, and its cure is on the
-    sheet.
+    """Process file: edges are drawn with its grey response, its layers and exposures are the defaults, and its working
+    curve appears on the settings sheet.
     """
     cure: Path | None = None
-    """Working curve of the resin for the sheet, with the lamp spectrum if fitted: solen resin cure --out."""
+    """Working curve for the settings sheet, with a fitted lamp spectrum if any: a file of solen resin cure --out."""
     format: Literal["zip", "goo"] = "zip"
-    """Image format: a ZIP of PNGs, which UVtools also opens, or a .goo file of version 3."""
+    """Image format: a ZIP file of PNGs, which UVtools also opens, or a .goo file of version 3."""
     resin: str | None = None
-    """Resin from the library, or a resin file; its name and working curve appear on the settings sheet."""
+    """Resin, whose name and working curve appear on the settings sheet: name in the library, or a resin file."""
     sheet_only: bool = False
-    """Write only the STL and settings, without images."""
+    """Write only the STL and the settings, without images."""
 
-    def exposed_as(self, process: Settings) -> "Slicing":
-        """Return the options with the layers and exposures of a process, unless the options specify them."""
-        stated = {key: getattr(process, key) for key in EXPOSED if key not in self.model_fields_set}
-        return self.model_copy(update=stated)
+    def with_defaults_of(self, process: Settings) -> "Slicing":
+        """Return the options with the layers and exposures of a process where these options are not set."""
+        defaults = {key: getattr(process, key) for key in PROCESS_KEYS if key not in self.model_fields_set}
+        return self.model_copy(update=defaults)
 
-    def exposed(self, process: Settings) -> dict[str, float]:
-        """Return the layers and exposures, by key, for which the options differ from a process."""
-        stated = {key: getattr(self, key) for key in EXPOSED}
-        return {key: value for key, value in stated.items() if value not in (None, getattr(process, key))}
+    def differences(self, process: Settings) -> dict[str, float]:
+        """Return the layers and exposures that differ from those of a process, keyed by option."""
+        values = {key: getattr(self, key) for key in PROCESS_KEYS}
+        return {key: value for key, value in values.items() if value not in (None, getattr(process, key))}
 
-    def otherwise(self, process: Settings) -> list[str]:
-        """Describe the differences from a process."""
+    def described_differences(self, process: Settings) -> list[str]:
+        """Return descriptions of the layers and exposures that differ from those of a process."""
         return [
-            f"--{key.replace('_', '-')} {value:g}, while the process has {getattr(process, key):g}"
-            for key, value in self.exposed(process).items()
+            f"--{key.replace('_', '-')} {value:g}, but the process has {getattr(process, key):g}"
+            for key, value in self.differences(process).items()
         ]
 
     def seconds(self, index: int) -> float:
-        """Return the exposure of a layer in s; the first layer is number 0."""
+        """Return the exposure time of a layer; the index of the first layer is 0."""
         return self.burn_in_s if index < self.burn_in_layers else self.exposure_s
 
     def total_s(self, layers: int) -> float:
-        """Return the total exposure of a number of layers in s."""
+        """Return the total exposure time of a number of layers."""
         burn_in = min(layers, self.burn_in_layers)
         return burn_in * self.burn_in_s + (layers - burn_in) * self.exposure_s

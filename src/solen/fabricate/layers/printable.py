@@ -1,7 +1,7 @@
 """A part ready for the printer: oriented for printing, with its STL, label and resin.
 
-A design gives exact outlines and a mesh file gives triangles. `printable_design` and `printable_mesh` turn either into
-a `Printable`, from which a `Job` makes layers.
+A design has exact outlines, and a mesh file has triangles. `printable_design` and `printable_mesh` make a `Printable`
+of them, from which a `Job` makes layers.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from solen.fabricate.label import Label, label_of
 from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.orientation import orientation
 from solen.fabricate.layers.solid import MESH_MM, Solid, mesh_solid, solid_of
-from solen.fabricate.lens_parts import lies_flat
+from solen.fabricate.lens_parts import required_orientation
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import stl_pieces
 from solen.fabricate.part import Part
@@ -25,12 +25,11 @@ from solen.material.resin import Resin, resin_of
 from solen.ranks import Caution, note, warning
 from solen.recording import Provenance
 from solen.spec import Design
-from solen.spec.design import names_file
+from solen.spec.design import is_file_path
 
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
-
-UNNAMED = "not named"
-"""Beginning of the description if the resin has no name."""
+UNKNOWN_RESIN = "unknown resin"
+"""Beginning of the description of an unspecified resin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,100 +39,106 @@ class Printable:
     Attributes
     ----------
     solid
-        The part as placed on the plate.
-    placed
-        Mesh of the part, with the lowest corner at the origin.
+        The oriented part.
+    mesh
+        Mesh of the oriented part, with its minimum coordinates at the origin.
     label
-        Description in exported files.
+        Label of exported files.
     source
-        The file that it was read from.
-    material, stated_resin
-        Description of the resin, and its data if it is named.
+        The file from which the part was read.
+    material, resin
+        Description of the resin, and its data if it is specified.
     warnings
         Warnings about the file.
-    lies
-        Required orientation on the plate, in words; None if any orientation is suitable.
+    required_orientation
+        Description of the required orientation; None if any orientation is suitable.
     seats
-        Names of the pockets and slots; None if the file does not list them.
+        Names of the pockets and slots; None if the file does not contain them.
     """
 
     solid: Solid
-    placed: Mesh
+    mesh: Mesh
     label: Label
     source: Provenance
     material: str
-    stated_resin: Resin | None
+    resin: Resin | None
     warnings: tuple[Caution, ...] = ()
-    lies: str | None = None
+    required_orientation: str | None = None
     seats: tuple[str, ...] | None = None
 
     @property
-    def resin(self) -> str:
-        """Name of the resin; empty if no resin is named."""
-        return "" if self.material.startswith(UNNAMED) else self.material
+    def resin_name(self) -> str:
+        """Name of the resin; empty if it is not specified."""
+        return "" if self.material.startswith(UNKNOWN_RESIN) else self.material
 
     def write_stl(self, path: Path) -> None:
         """Write the mesh as STL."""
         with path.open("wb") as file:
-            file.writelines(stl_pieces(self.placed, self.label))
+            file.writelines(stl_pieces(self.mesh, self.label))
 
 
 def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -> Printable:
-    """Prepare the part of a design; ``path`` is the design file."""
+    """Return the printable part of a design; ``path`` is the design file."""
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
     resin: Resin | None
     if slicing.resin is None and design.material.resin is not None:
-        named = resin_of(design.material.resin, design.files.get("material.resin"))
-        material, resin = named.name, named
+        resin = resin_of(design.material.resin, design.files.get("material.resin"))
+        material = resin.name
     else:
         index = design.material.index
-        material, resin = resin_named(slicing.resin, "" if index is None else f" (n = {index:g} in the design)")
-    source = Provenance(path.name, label.sha256, "design")
-    placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
-    lies, warnings = lies_flat(part, rotation, slicing.layer_um)
-    seats = tuple(cut.name for cut in part.cuts if cut.name.startswith(("pocket", "slot")))
-    return Printable(solid_of(part, rotation), placed, label, source, material, resin, tuple(warnings), lies, seats)
+        material, resin = described_resin(slicing.resin, "" if index is None else f" (n = {index:g} in the design)")
+    required, warnings = required_orientation(part, rotation, slicing.layer_um)
+    return Printable(
+        solid=solid_of(part, rotation),
+        mesh=rotated_mesh(mesh_of(part, MESH_MM), rotation),
+        label=label,
+        source=Provenance(path.name, label.sha256, "design"),
+        material=material,
+        resin=resin,
+        warnings=tuple(warnings),
+        required_orientation=required,
+        seats=tuple(cut.name for cut in part.cuts if cut.name.startswith(("pocket", "slot"))),
+    )
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:
-    """Prepare a closed mesh read from a file.
+    """Return a printable part from a file that contains a closed mesh.
 
     Raises
     ------
     DataError
-        If the file is not a mesh in a format that solen reads or is damaged, or if the surface is not closed.
+        If the file is damaged or not in a format that solen reads, or if the surface is not closed.
     """
     kind = path.suffix.lower()
     if kind not in MESH_READERS:
-        raise DataError(
-            str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export the mesh as STL"
-        )
+        limit = "must be a design (.toml) or a mesh (.stl, .3mf)"
+        raise DataError(str(path), limit=limit, remedy="export the mesh as STL")
     mesh = MESH_READERS[kind](path)
     warnings: tuple[Caution, ...] = ()
     if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
         mesh = Mesh(mesh.vertices, mesh.triangles[:, ::-1].copy(), mesh.tolerance_mm)
-        warnings = (note("the mesh was inside out; the vertex order of its triangles was reversed"),)
+        warnings = (note("the mesh was inside out: the vertex order of its triangles was reversed"),)
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     solid = mesh_solid(mesh, rotation, str(path))
     if solid.overlap_mm3 > 0.0:
-        overlap = f"shells of the mesh overlap: the common volume of {solid.overlap_mm3:.4g} mm³ is counted once"
-        warnings = (*warnings, warning(overlap))
+        text = f"shells of the mesh overlap in {solid.overlap_mm3:.4g} mm³, which are printed as one solid"
+        warnings = (*warnings, warning(text))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
-    material, resin = resin_named(slicing.resin)
+    material, resin = described_resin(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
-    return Printable(solid, placed_mesh(mesh, rotation), label, source, material, resin, warnings)
+    return Printable(solid, rotated_mesh(mesh, rotation), label, source, material, resin, warnings)
 
 
-def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
-    """Return a mesh rotated by a matrix (3, 3), with its lowest corner at the origin."""
-    turned = mesh.vertices @ rotation.T
-    return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
+def rotated_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
+    """Return a mesh rotated by a matrix (3, 3), with its minimum coordinates at the origin."""
+    vertices = mesh.vertices @ rotation.T
+    return Mesh(vertices - vertices.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
-def resin_named(name: str | None, known: str = "") -> tuple[str, Resin | None]:
-    """Return the name and data of a resin from the library or a file; without a name, the ``known`` description."""
+def described_resin(name: str | None, known: str = "") -> tuple[str, Resin | None]:
+    """Return the description and data of a resin; without a name, the description ends in what is ``known``."""
     if name is None:
-        return f"{UNNAMED}{known}: give --resin", None
-    resin = resin_of(name, Path(name) if names_file(name) else None)
+        return f"{UNKNOWN_RESIN}{known}: specify --resin", None
+    resin = resin_of(name, Path(name) if is_file_path(name) else None)
     return resin.name, resin

@@ -1,8 +1,8 @@
-"""Solids to be sliced: exact outlines by height, or a closed mesh, with the lowest corner at the origin.
+"""Solids to be sliced: exact outlines at each height, or a closed mesh, with minimum coordinates at the origin.
 
-A part that is printed flat needs no mesh: its plan only changes at its horizontal faces, so all layers between two of
-these are identical. Any other part is a mesh, sliced by `solen.fabricate.layers.cut`; overlapping shells are first
-united by manifold3d.
+A part that is printed flat needs no mesh: its outlines change only at its horizontal faces, so all layers between two
+such faces are identical. Any other part is a mesh, which `solen.fabricate.layers.cut` slices; manifold3d unites
+overlapping shells beforehand.
 """
 
 from abc import ABC, abstractmethod
@@ -27,29 +27,29 @@ from solen.geometry.body import filled
 Rings = Sequence[FloatArray]
 
 PLAN_MM = 1e-4
-"""Tolerance for approximating the outlines of a plan: about a thousandth of the finest pixel."""
+"""Tolerance of the polylines of a plan, far below the size of a pixel."""
 MESH_MM = 2e-4
-"""Tolerance for approximating the surface by a mesh."""
-OVERLAP = 1e-6
-"""Fraction of the mesh volume above which shells overlap rather than touch."""
+"""Tolerance of a mesh of the surface."""
+MIN_OVERLAP = 1e-6
+"""Minimum overlap of shells as a fraction of the mesh volume; a smaller overlap is treated as contact."""
 LEVEL_MM = 1e-5
-"""A face is horizontal if the heights of its corners differ by less than this."""
+"""A face is horizontal if the heights of its vertices differ by less than this."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid(ABC):
-    """A solid in its printed position: above the plate, which is at Z = 0, with its minimum X and Y at 0.
+    """A solid in its orientation on the plate, which is at Z = 0; its minimum X and Y are 0.
 
     Attributes
     ----------
     size_mm
         Extent along X, Y and Z.
     origin_mm
-        X and Y of the part's own origin.
+        X and Y of the origin of the part.
     volume_mm3
         Volume of the solid.
     heights_mm
-        Heights of the horizontal faces, ascending.
+        Heights of the horizontal faces, in ascending order.
     """
 
     size_mm: tuple[float, float, float]
@@ -59,49 +59,49 @@ class Solid(ABC):
 
     @property
     def exposures_s(self) -> tuple[float, ...]:
-        """Exposures of images that are shown in sequence at one height; empty for a stack of layers."""
+        """Exposure times of images that are exposed one after the other at one height; empty for a stack."""
         return ()
 
     @abstractmethod
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height, holes clockwise, and a number shared by identical sections, or None if unknown."""
+        """Return a number that identical sections share (or None), and the rings of the section, holes clockwise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan(Solid):
-    """Outlines that apply from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` upwards."""
+    """Outlines that are constant between heights: ``rings[numbers[i]]`` from ``heights_mm[i]`` to the next height."""
 
     numbers: tuple[int, ...]
     rings: tuple[Rings, ...]
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """See `Solid.section`."""
-        at = bisect_right(self.heights_mm, z_mm) - 1
-        if not 0 <= at < len(self.numbers):
+        index = bisect_right(self.heights_mm, z_mm) - 1
+        if not 0 <= index < len(self.numbers):
             return None, []
-        number = self.numbers[at]
+        number = self.numbers[index]
         return number, self.rings[number]
 
 
 @dataclass(frozen=True, eq=False)
 class Sections(Solid):
-    """A part lying flat whose smooth lens varies with height: sections of the exact face, made on demand."""
+    """A part that is printed flat and whose smooth lens varies with height: exact sections, computed on demand."""
 
     part: FacedPart
-    turn: FloatArray
+    rotation: FloatArray
 
     @classmethod
-    def of(cls, part: FacedPart, turn: FloatArray) -> "Sections":
-        """Return the solid of a part rotated about the plate normal by a matrix (2, 2)."""
+    def of(cls, part: FacedPart, rotation: FloatArray) -> "Sections":
+        """Return the solid of a part rotated about the normal of the plate by a matrix (2, 2)."""
         hollow, (blank,) = part.hollow, part.prisms
         half, nearest = hollow.lens.half_width_mm, hollow.lens.nearest_mm
         behind = [ring[ring[:, 1] >= nearest] for ring in blank.rings(PLAN_MM)]
-        points = np.vstack([*behind, [(-half, nearest), (half, nearest)]]) @ turn.T
+        points = np.vstack([*behind, [(-half, nearest), (half, nearest)]]) @ rotation.T
         corner, (x, y) = points.min(axis=0), np.ptp(points, axis=0).tolist()
-        cuts = [cut.takes for cut in part.cuts]
+        cuts = [cut.removed for cut in part.cuts]
         levels = {0.0, blank.to_mm} | {height for cut in cuts for height in (cut.from_mm, cut.to_mm)}
         origin = (-float(corner[0]), -float(corner[1]))
-        return cls((x, y, blank.to_mm), origin, part.volume_mm3, tuple(sorted(levels)), part, turn)
+        return cls((x, y, blank.to_mm), origin, part.volume_mm3, tuple(sorted(levels)), part, rotation)
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """See `Solid.section`."""
@@ -109,17 +109,17 @@ class Sections(Solid):
         if not 0.0 <= z_mm < self.size_mm[2]:
             return None, []
         outlines = section(hollow.body, hollow.lens.half_height_mm - z_mm).check().outlines
-        here = Prism("section", outlines, 0.0, self.size_mm[2])
+        prism = Prism("section", outlines, 0.0, self.size_mm[2])
         tools = [cut.tool for cut in self.part.cuts if cut.tool.from_mm < z_mm < cut.tool.to_mm]
-        return None, [ring @ self.turn.T + self.origin_mm for ring in _rings([here], tools)]
+        return None, [ring @ self.rotation.T + self.origin_mm for ring in _rings([prism], tools)]
 
 
 @dataclass(frozen=True, eq=False)
 class Exposures(Solid):
-    """Parts of one layer exposed in sequence, each for its own time, without a lift in between.
+    """Parts of one layer that are exposed one after the other, each for its own time, without a lift in between.
 
-    If ``greys`` (0 to 1 for each part) is specified, all parts are exposed together for the first of these times, each
-    with its grey level.
+    With ``greys`` (0 to 1 for each part), all parts are exposed together for the first of these times, each with its
+    grey level.
     """
 
     names: tuple[str, ...]
@@ -133,14 +133,14 @@ class Exposures(Solid):
         return self.seconds[:1] if self.greys else self.seconds
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Return the section with all parts together; see `Solid.section`."""
+        """Return the section of all parts together; see `Solid.section`."""
         inside = 0.0 <= z_mm < self.size_mm[2]
         return None, [ring for rings in self.rings for ring in rings] if inside else []
 
 
 @dataclass(frozen=True, eq=False)
 class Slices(Solid):
-    """A closed mesh that is sliced on demand; ``overlap_mm3`` is the overlap of its shells before union."""
+    """A closed mesh that is sliced on demand; ``overlap_mm3`` is the overlap of its shells before they were united."""
 
     cutter: Cutter
     overlap_mm3: float = 0.0
@@ -151,7 +151,7 @@ class Slices(Solid):
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
-    """Solid of a part rotated by a matrix (3, 3): a `Plan` if its Z axis stays vertical, otherwise `Slices`.
+    """Return the solid of a part rotated by a matrix (3, 3): exact outlines if Z stays vertical, else `Slices`.
 
     Raises
     ------
@@ -166,16 +166,21 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
 
 
 def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = ()) -> Exposures:
-    """Prisms of a single-layer part, with individual exposures, or exposed together with individual grey levels."""
-    rings = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
-    points = np.vstack([ring for one in rings for ring in one])
+    """Return the prisms of a single-layer part with separate exposures, or with grey levels in one exposure."""
+    outlines = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
+    points = np.vstack([ring for rings in outlines for ring in rings])
     corner, height = points.min(axis=0), max(prism.to_mm - prism.from_mm for prism in part.prisms)
     x, y = np.ptp(points, axis=0).tolist()
     origin = (-float(corner[0]), -float(corner[1]))
-    placed = tuple([ring - corner for ring in one] for one in rings)
-    names = tuple(prism.name for prism in part.prisms)
     return Exposures(
-        (x, y, height), origin, part.volume_mm3, (0.0, height), names, placed, tuple(seconds), tuple(greys)
+        size_mm=(x, y, height),
+        origin_mm=origin,
+        volume_mm3=part.volume_mm3,
+        heights_mm=(0.0, height),
+        names=tuple(prism.name for prism in part.prisms),
+        rings=tuple([ring - corner for ring in rings] for rings in outlines),
+        seconds=tuple(seconds),
+        greys=tuple(greys),
     )
 
 
@@ -188,27 +193,28 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
         If the mesh is empty, open or inside out, or has no volume.
     """
     _check_closed(mesh, name)
-    turned = mesh.vertices @ rotation.T
-    corner = turned.min(axis=0)
-    turned -= corner
-    placed = Mesh(turned, mesh.triangles, mesh.tolerance_mm)
-    united = _united(placed, name) if Shells.of(placed).may_overlap else placed
-    x, y, z = turned.max(axis=0).tolist()
+    vertices = mesh.vertices @ rotation.T
+    corner = vertices.min(axis=0)
+    vertices -= corner
+    rotated = Mesh(vertices, mesh.triangles, mesh.tolerance_mm)
+    united = _united(rotated, name) if Shells.of(rotated).may_overlap else rotated
+    x, y, z = vertices.max(axis=0).tolist()
     origin = (-float(corner[0]), -float(corner[1]))
-    twice_mm3 = max(mesh.volume_mm3 - united.volume_mm3, 0.0)
-    levels = _levels(turned, mesh.triangles)
-    return Slices((x, y, z), origin, united.volume_mm3, levels, Cutter(united), twice_mm3)
+    overlap_mm3 = max(mesh.volume_mm3 - united.volume_mm3, 0.0)
+    levels = _levels(vertices, mesh.triangles)
+    return Slices((x, y, z), origin, united.volume_mm3, levels, Cutter(united), overlap_mm3)
 
 
 def _united(mesh: Mesh, name: str) -> Mesh:
-    """Unite the overlapping shells of a mesh; return the mesh unchanged if none overlap."""
+    """Return a mesh with its overlapping shells united; the mesh itself if none overlap."""
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), mesh.triangles.astype(np.uint64)))
     if solid.status() != Error.NoError:
-        raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
+        limit = f"its surface is not closed (manifold3d: {solid.status().name})"
+        raise DataError(name, limit=limit, remedy="repair the mesh")
     united = Manifold.batch_boolean(solid.decompose(), OpType.Add)
-    if united.volume() >= solid.volume() * (1.0 - OVERLAP):
+    if united.volume() >= solid.volume() * (1.0 - MIN_OVERLAP):
         return mesh
     surface = united.to_mesh64()
     return Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), 0.0)
@@ -223,17 +229,17 @@ def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, 
 
 def _check_closed(mesh: Mesh, name: str) -> None:
     if not len(mesh.triangles):
-        raise DataError(name, value="no triangle", limit="is empty")
+        raise DataError(name, limit="contains no triangles")
     if count := mesh.open_edges():
-        limit = "must be watertight: each edge must belong to exactly two triangles with consistent orientation"
-        raise DataError(name, value=f"{count} open edges", limit=limit, remedy="repair the mesh")
+        limit = f"is not watertight: {count} edges do not belong to exactly two triangles with consistent orientation"
+        raise DataError(name, limit=limit, remedy="repair the mesh")
     if not mesh.volume_mm3 > 0.0:
-        limit = "encloses no volume" if mesh.volume_mm3 == 0.0 else "is inside out"
-        raise DataError(name, value=f"{mesh.volume_mm3:.4g} mm³", limit=limit, remedy="repair the mesh")
+        limit = "encloses no volume" if mesh.volume_mm3 == 0.0 else f"is inside out: {mesh.volume_mm3:.4g} mm³"
+        raise DataError(name, limit=limit, remedy="repair the mesh")
 
 
-def _plan(part: Part, turn: FloatArray) -> Plan:
-    """Return the plan of a part rotated about the plate normal by a matrix (2, 2)."""
+def _plan(part: Part, rotation: FloatArray) -> Plan:
+    """Return the plan of a part rotated about the normal of the plate by a matrix (2, 2)."""
     tools = [cut.tool for cut in part.cuts]
     heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
     bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)
@@ -242,29 +248,33 @@ def _plan(part: Part, turn: FloatArray) -> Plan:
     sections: list[list[FloatArray]] = []
     numbers = []
     for low, high in pairwise(heights):
-        there = (_across(part.prisms, low, high), _across(tools, low, high))
-        if there not in known:
-            known[there] = len(sections)
-            rings = _rings([part.prisms[i] for i in there[0]], [tools[i] for i in there[1]])
-            sections.append([ring @ turn.T for ring in rings])
-        numbers.append(known[there])
+        indices = (_indices_between(part.prisms, low, high), _indices_between(tools, low, high))
+        if indices not in known:
+            known[indices] = len(sections)
+            rings = _rings([part.prisms[i] for i in indices[0]], [tools[i] for i in indices[1]])
+            sections.append([ring @ rotation.T for ring in rings])
+        numbers.append(known[indices])
     points = np.vstack([ring for rings in sections for ring in rings])
     corner = points.min(axis=0)
-    placed = tuple([ring - corner for ring in rings] for rings in sections)
     x, y = np.ptp(points, axis=0).tolist()
-    levels = tuple(height - bottom for height in heights)
-    origin = (-float(corner[0]), -float(corner[1]))
-    return Plan((x, y, top - bottom), origin, part.volume_mm3, levels, tuple(numbers), placed)
+    return Plan(
+        size_mm=(x, y, top - bottom),
+        origin_mm=(-float(corner[0]), -float(corner[1])),
+        volume_mm3=part.volume_mm3,
+        heights_mm=tuple(height - bottom for height in heights),
+        numbers=tuple(numbers),
+        rings=tuple([ring - corner for ring in rings] for rings in sections),
+    )
 
 
-def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
-    """Return the numbers of the prisms that extend from one height to the next."""
+def _indices_between(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
+    """Return the indices of the prisms that extend from one height to the next."""
     middle = 0.5 * (low + high)
     return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
 
 
 def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
-    """Return the rings of prisms minus tools; without a prism there is air."""
+    """Return the rings of prisms minus tools; empty without a prism."""
     if not prisms:
         return []
     import shapely
@@ -273,5 +283,5 @@ def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
     if tools:
         area = shapely.difference(area, shapely.union_all([filled(tool.rings(PLAN_MM)) for tool in tools]))
     if area.is_empty:
-        raise DesignError("layers", value="nothing is left of the part", limit="between two of its heights")
+        raise DesignError("layers", limit="cuts remove the whole part over some of its height")
     return rings_of(area)

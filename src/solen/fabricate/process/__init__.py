@@ -1,11 +1,11 @@
 """From images to printed parts: dose, cured resin, printed lens, and a compensated drawing.
 
 `solen.fabricate.process.settings` contains the values of the process file, and `solen.fabricate.process.field` computes
-the dose. `solen.fabricate.process.flat` and `solen.fabricate.process.side_print` compute the printed lens wall for each
-orientation, `solen.fabricate.process.solid` models the entire printed part, and `solen.fabricate.process.predict`
-estimates the uncertainty. `solen.fabricate.process.compensate` corrects the drawing so that the part prints as
-designed. `solen.fabricate.process.print_design` combines these steps for a design, and
-`solen.fabricate.process.calibrate` determines the process parameters from measured coupons.
+the dose. `solen.fabricate.process.flat` and `solen.fabricate.process.side_print` compute the printed lens for each
+orientation, `solen.fabricate.process.solid` computes the entire printed part, and `solen.fabricate.process.predict`
+computes the uncertainty. `solen.fabricate.process.compensate` corrects the drawing so that the part prints as designed.
+`solen.fabricate.process.print_design` combines these steps for a design, and `solen.fabricate.process.calibrate`
+determines process parameters from measured coupons.
 """
 
 from solen.fabricate.process.calibrate import PrinterCalibration, calibrated

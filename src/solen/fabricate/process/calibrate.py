@@ -1,14 +1,15 @@
 """Calibration of a print process from measured coupons: blur, critical dose at edges, and shrinkage.
 
-Modelled sizes are fitted to measured sizes by least squares, weighted by their uncertainties
+The model is fitted to measured sizes by least squares, weighted by their uncertainties
 (`solen.fabricate.process.coupon_fit`). The previous process is a prior with three times its reported uncertainty, so
-parameters that the coupons cannot determine stay unchanged, with a warning. The scale of each image is another unknown
-(`solen.fabricate.process.scales`): scale and shrinkage multiply all sizes equally, so shrinkage is as uncertain as the
-scale. Large features determine edge growth and scaling; only features about as small as the blur separate the blur from
-the critical dose. Washing moves edges in the same way as the critical dose, so its value is kept.
+that parameters that the coupons cannot determine stay unchanged, with a warning. The scale of each image is a further
+unknown (`solen.fabricate.process.scales`): scale and shrinkage multiply all sizes equally, so that shrinkage is as
+uncertain as the scale. Large features determine the growth of edges and the shrinkage; only features as small as the
+blur separate the blur from the critical dose. Washing moves edges in the same way as the critical dose, so its value is
+kept.
 
-The fitted critical dose is an effective value: together with the blur it reproduces the measured edges. The critical
-dose of a working curve is a different quantity, which is more suitable for depths.
+The fitted critical dose is an effective value, which reproduces the measured edges together with the blur. It differs
+from the critical dose of a working curve, which is more suitable for depths.
 """
 
 import math
@@ -30,13 +31,13 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 FITTED = ("Ec_mJ_per_cm2", "shrinkage_percent")
-"""Parameters fitted in addition to the blur width (or, for a response, its scale)."""
-INSEPARABLE = 0.9
-"""Absolute correlation above which two parameters count as inseparable."""
-DETERMINED = 0.5
-"""Fraction by which the coupons must reduce the prior variance of a parameter that counts as determined."""
+"""Parameters that are fitted in addition to the blur width (or the scale of a pixel response)."""
+MAX_CORRELATION = 0.9
+"""Maximum absolute correlation of two parameters without a warning."""
+MIN_VARIANCE_REDUCTION = 0.5
+"""Minimum fraction by which the coupons must reduce the prior variance of a parameter that they determine."""
 MIN_FEATURES = 3
-_DOUBT = 2.0
+_MAX_SCATTER = 2.0  # maximum ratio of scatter to reported uncertainty without a warning
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,13 @@ class CalibratedNumber:
     u_before: float
 
     @property
-    def learned(self) -> float:
-        """Fraction of the prior variance that the coupons removed."""
+    def variance_reduction(self) -> float:
+        """Fraction by which the coupons reduced the prior variance."""
         return 1.0 - (self.u / self.u_before) ** 2
 
 
 class PrinterCalibration(Result):
-    """A calibrated process, and how well it explains the coupons.
+    """A calibrated process, and how well it describes the coupons.
 
     Attributes
     ----------
@@ -75,13 +76,13 @@ class PrinterCalibration(Result):
     given, features
         Number of features in the files, and the features used.
     scales
-        Scale of each image, measured divided by true.
+        Scale of each image, as measured divided by true size.
     chi2, df
         Chi-square, and number of measured values minus the number of parameters that they determine.
     scale
-        Factor by which uncertainties are increased if features scatter more than reported; 1 otherwise.
+        Factor by which uncertainties are increased because features scatter more than reported; otherwise 1.
     disagree
-        Features that are resolved only in the model or only in the measurement.
+        Features that are resolved in the model or in the measurement, but not in both.
     sources, warnings
         Feature files, and limits of the conclusions.
     """
@@ -120,9 +121,9 @@ class PrinterCalibration(Result):
 
     @reported
     def rms_um(self) -> float:
-        """Root mean square of printed minus measured sizes."""
-        off_um = [1e3 * (feature.printed_mm - feature.measured_mm) for feature in self.features]
-        return float(np.sqrt(np.nanmean(np.square(off_um))))
+        """RMS difference between modelled and measured sizes."""
+        differences_um = [1e3 * (feature.printed_mm - feature.measured_mm) for feature in self.features]
+        return float(np.sqrt(np.nanmean(np.square(differences_um))))
 
 
 def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -> PrinterCalibration:
@@ -133,14 +134,14 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     process
         Prior process.
     coupons
-        Features of each image, printed with that process.
+        Features of each image of coupons printed with that process.
     name
-        Source of the parameters, for the process file.
+        Description of the coupons, for the sources in the process file.
 
     Raises
     ------
     DataError
-        If there are too few features with a size, or the model prints none of them.
+        If too few features have a measured size, or the model prints none of them.
     """
     features = [feature for coupon in coupons for feature in coupon.features]
     used = tuple(
@@ -151,30 +152,29 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     )
     lateral = sum(feature.kind != "step" for _, feature in used)
     if lateral < MIN_FEATURES:
-        limit = f"must have at least {MIN_FEATURES} pillars, holes or gaps with a measured size"
-        raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
+        count = f"{lateral} of {len(features)} features are pillars, holes or gaps with a measured size"
+        raise DataError("coupons", limit=f"must have at least {MIN_FEATURES} such features: {count}")
     keys = (process.process.blur_key, *FITTED) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
-    fit = problem.solved()
-    return _calibration(problem, fit, coupons, name)
+    return _calibration(problem, problem.solve(), coupons, name)
 
 
 def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCoupon], name: str) -> PrinterCalibration:
     """Return the result with its warnings."""
-    count = len(problem.sought)
+    count = len(problem.parameters)
     values, covariance = fit.values[:count], fit.covariance[:count, :count]
     settings, u = problem.settings(values), np.sqrt(np.diag(fit.covariance))
-    u_of_Ec = problem.u_of_Ec(values, covariance)
-    rows = zip(problem.sought, values, u, problem.before, strict=False)
+    u_Ec = problem.u_Ec(values, covariance)
+    rows = zip(problem.parameters, values, u, problem.u_prior, strict=False)
     simulated = any(coupon.source is not None and coupon.source.simulated for coupon in coupons)
     features = [feature for coupon in coupons for feature in coupon.features]
     calibration = PrinterCalibration(
-        process=_process(problem, settings, covariance, u_of_Ec, name, simulated),
+        process=_process(problem, settings, covariance, u_Ec, name, simulated),
         simulated=simulated,
-        numbers=tuple(CalibratedNumber(key, float(x), float(one), float(before)) for key, x, one, before in rows),
+        numbers=tuple(CalibratedNumber(key, float(x), float(u_x), float(before)) for key, x, u_x, before in rows),
         covariance=covariance,
         Ec_mJ_per_cm2=settings.Ec_mJ_per_cm2,
-        u_Ec_mJ_per_cm2=u_of_Ec,
+        u_Ec_mJ_per_cm2=u_Ec,
         given=len(features),
         features=problem.fitted(fit.values),
         scales=problem.scales.fitted(fit.values[count:], u[count:]),
@@ -185,24 +185,30 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
         sources=tuple(coupon.source for coupon in coupons if coupon.source is not None),
         warnings=(warning("the features are simulated, not measured"),) if simulated else (),
     )
-    more = (*_of_scales(calibration), *_unknown(calibration), *_inseparable(calibration), *_of_fit(calibration))
-    return replace(calibration, warnings=(*calibration.warnings, *more))
+    warnings = (
+        *calibration.warnings,
+        *_scale_warnings(calibration),
+        *_undetermined(calibration),
+        *_correlated(calibration),
+        *_fit_warnings(calibration),
+    )
+    return replace(calibration, warnings=warnings)
 
 
 def _process(
-    problem: CouponFit, settings: Settings, covariance: FloatArray, u_of_Ec: float, name: str, simulated: bool
+    problem: CouponFit, settings: Settings, covariance: FloatArray, u_Ec: float, name: str, simulated: bool
 ) -> Process:
     """Return the calibrated process, as written to its file."""
     before, count = problem.process, len(problem.used)
     data = before.model_dump()
     data["process"] = settings.model_dump()
-    made = "simulated coupons" if simulated else "measured coupons"
+    origin = "simulated coupons" if simulated else "measured coupons"
     for key, variance in zip(problem.keys, np.diag(covariance).tolist(), strict=True):
-        data["uncertainty"][key] = u_of_Ec if key == "Ec_mJ_per_cm2" else math.sqrt(variance)
-        data["source"][key] = f"calibration: {count} features of {made}, {name}"
+        data["uncertainty"][key] = u_Ec if key == "Ec_mJ_per_cm2" else math.sqrt(variance)
+        data["source"][key] = f"calibration: {count} features of {origin}, {name}"
     data["name"] = f"{before.name}, calibrated on {name}"
     data["calibration"] = Calibration(
-        keys=problem.sought,
+        keys=problem.parameters,
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         features=count,
         simulated=simulated,
@@ -211,70 +217,57 @@ def _process(
 
 
 def _disagreeing(settings: Settings, features: Sequence[MeasuredFeature]) -> tuple[MeasuredFeature, ...]:
-    there = ~np.isnan(printed_mm(settings, features))
+    printed = (~np.isnan(printed_mm(settings, features))).tolist()
     return tuple(
-        feature for feature, is_there in zip(features, there.tolist(), strict=True) if is_there != feature.resolved
+        feature for feature, is_printed in zip(features, printed, strict=True) if is_printed != feature.resolved
     )
 
 
-def _of_scales(fit: PrinterCalibration) -> list[Caution]:
-    unstated = list(dict.fromkeys(scale.file for scale in fit.scales if not scale.stated))
-    if not unstated:
+def _scale_warnings(fit: PrinterCalibration) -> list[Caution]:
+    files = list(dict.fromkeys(scale.file for scale in fit.scales if not scale.stated))
+    if not files:
         return []
-    return [
-        warning(
-            f"{', '.join(unstated)}: the scale uncertainty is not specified; {100.0 * U_SCALE:g} % is assumed, which "
-            "limits shrinkage: determine it with a stage micrometer and use --u-um-per-px (--u-z-um for heights)"
-        )
-    ]
+    text = f"{', '.join(files)}: the uncertainty of the scale is not specified; {100.0 * U_SCALE:g} % is assumed"
+    remedy = "measure it with a stage micrometer and specify it with --u-um-per-px (--u-z-um for heights)"
+    return [warning(f"{text}, which limits the accuracy of the shrinkage: {remedy}")]
 
 
-def _unknown(fit: PrinterCalibration) -> list[Caution]:
+def _undetermined(fit: PrinterCalibration) -> list[Caution]:
     return [
         warning(
-            f"these coupons do not determine {number.key}: it keeps its prior value, {number.value:.3g} "
-            f"± {number.u:.2g}"
+            f"these coupons do not determine {number.key}: its value, {number.value:.3g} ± {number.u:.2g}, "
+            "follows mainly from its prior"
         )
         for number in fit.numbers
-        if number.learned < DETERMINED
+        if number.variance_reduction < MIN_VARIANCE_REDUCTION
     ]
 
 
-def _inseparable(fit: PrinterCalibration) -> list[Caution]:
-    """Warn of parameters that change all coupons in the same way."""
+def _correlated(fit: PrinterCalibration) -> list[Caution]:
+    """Warn of parameters that cannot be determined separately."""
     warnings = [
         note(
-            "washing, critical dose, exposure and scattering move edges in the same way and cannot be separated here: "
-            f"Ec_mJ_per_cm2 is an effective value for edges at wash_um = {fit.settings.wash_um:g}, not valid for "
-            "depths; only the growth of walls is determined, and it is kept"
+            "washing, critical dose, exposure and scattering move edges in the same way and cannot be determined "
+            f"separately: Ec_mJ_per_cm2 is an effective value for edges at wash_um = {fit.settings.wash_um:g}, not "
+            "valid for depths; only the growth of walls is determined, and it is kept"
         )
     ]
     for i, j in combinations(range(len(fit.numbers)), 2):
         correlation = float(fit.correlation[i, j])
-        if abs(correlation) > INSEPARABLE:
-            warnings.append(
-                warning(
-                    f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
-                    f"{correlation:+.2f}): measure features with a wider range of sizes"
-                )
-            )
+        if abs(correlation) > MAX_CORRELATION:
+            pair = f"{fit.numbers[i].key} and {fit.numbers[j].key} are strongly correlated ({correlation:+.2f})"
+            warnings.append(warning(f"{pair}: measure features with a wider range of sizes"))
     return warnings
 
 
-def _of_fit(fit: PrinterCalibration) -> list[Caution]:
+def _fit_warnings(fit: PrinterCalibration) -> list[Caution]:
     warnings = []
-    if fit.scale > _DOUBT:
-        warnings.append(
-            warning(
-                f"features deviate by {fit.scale:.2g} times their reported uncertainty (rms {fit.rms_um:.2g} µm): "
-                "either the model does not describe them, or their uncertainty is underestimated; uncertainties were "
-                "increased by this factor"
-            )
-        )
+    if fit.scale > _MAX_SCATTER:
+        text = f"features deviate by {fit.scale:.2g} times their reported uncertainty (RMS {fit.rms_um:.2g} µm)"
+        cause = "either the model does not describe them, or their uncertainty is underestimated"
+        warnings.append(warning(f"{text}: {cause}; all uncertainties were increased by this factor"))
     if fit.disagree:
-        listed = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
+        features = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
         more = "" if len(fit.disagree) <= 6 else f" and {len(fit.disagree) - 6} more"
-        warnings.append(
-            warning(f"the model and the coupons disagree on whether these features are resolved: {listed}{more}")
-        )
+        warnings.append(warning(f"resolved either in the model or on the coupons, but not in both: {features}{more}"))
     return warnings

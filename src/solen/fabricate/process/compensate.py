@@ -1,11 +1,11 @@
-"""Compensated drawing of a lens, which makes the printed lens have the intended shape.
+"""Compensated drawing of a lens, which prints as the intended shape.
 
-The error of the printed wall is subtracted from the drawing, and the print is modelled again until the error vanishes.
-The blur of a printer reproduces slow variations of the drawing and suppresses fast ones. This fixed-point iteration
-(drawing minus printed error) therefore converges for every shape that the printer can make, and leaves errors only at
-details that it cannot make, for example corners sharper than its blur. Corrections are smoothed to the width of the
-blur, because otherwise the drawing would develop ripples that do not print. Other walls are moved by the growth of a
-straight wall, and the drawing is enlarged to balance shrinkage.
+The error of the printed wall is subtracted from the drawing, and the print is modelled again, until the error vanishes.
+The blur of a printer transmits slow variations of the drawing and suppresses fast ones. This fixed-point iteration
+therefore converges for every shape that the printer can make, and errors remain only at details that it cannot make,
+such as corners sharper than its blur. Corrections are smoothed to the width of the blur, because otherwise the drawing
+would develop ripples that do not print. Other walls are moved by the growth of a straight wall, and the drawing is
+enlarged to compensate shrinkage.
 
 A `Printing` combines a body and the process that prints it; `compensated` and `Printing.corrected` return a
 `Compensation`.
@@ -29,10 +29,10 @@ from solen.geometry import Body
 from solen.results import HIDDEN, reported
 
 MAX_ROUNDS = 24
-SETTLED_UM = 0.02
-"""The iteration has converged when the rms printed error changes by less than this between rounds."""
-MIN_SHARE = 0.1
-"""Smallest fraction of a correction that is tried."""
+CONVERGED_UM = 0.02
+"""Change of the RMS error between rounds at which the iteration has converged."""
+MIN_STEP = 0.1
+"""Minimum fraction of a correction that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Compensation:
     Attributes
     ----------
     outlines
-        Outlines to draw, by face.
+        Outlines to be drawn, as lists of faces.
     drawn_um
         Displacement of the drawn lens from the designed lens, (N,) along its normals, before scaling.
     wall_um
@@ -52,7 +52,7 @@ class Compensation:
     printed
         Deviation of the printed lens from the designed lens.
     rounds_um
-        Root mean square of that deviation for each round.
+        RMS deviation after each round.
     """
 
     outlines: list[list[DrawnFace]] = field(metadata=HIDDEN)
@@ -75,7 +75,7 @@ class Compensation:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Displacements of the drawn lens (N,) and, outwards, of other walls, and the scale of the drawing."""
+    """Displacements of the drawn lens (N,) and of other walls (outwards), and the scale of the drawing."""
 
     drawn_um: FloatArray
     wall_um: float = 0.0
@@ -102,40 +102,40 @@ class Printing:
     phase: tuple[float, float] = (0.0, 0.0)
 
     def outlines(self, drawing: Drawing) -> list[list[DrawnFace]]:
-        """Outlines to draw, by face."""
-        lens = self.target.moved_um(drawing.drawn_um)
+        """Return the outlines to be drawn, as lists of faces."""
+        lens = self.target.displaced(drawing.drawn_um)
         return redrawn(self.body, lens, drawing.wall_um, drawing.scale, self.target.centre)
 
     def deviation_um(self, outlines: Sequence[Sequence[DrawnFace]]) -> FloatArray:
-        """Deviation of the lens printed from the given outlines, (N,) along the normals of the designed lens."""
+        """Return the deviation (N,) of the lens printed from the outlines, along the normals of the designed lens."""
         printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
         return printed.profile_um(self.height_um)
 
     def corrected(self, start: Drawing, offset_um: FloatArray | float = 0.0) -> Compensation:
-        """Return the drawing that prints the designed lens if real prints deviate by ``offset_um`` (N,) from the model.
+        """Return the drawing that prints as designed if real prints deviate by ``offset_um`` (N,) from the model.
 
-        Walls and scale are taken from ``start``.
+        Walls and scale are those of ``start``.
         """
-        drawn, share = start.drawn_um, 1.0
+        drawn, step = start.drawn_um, 1.0
         best: Compensation | None = None
         rounds: list[float] = []
         for _ in range(MAX_ROUNDS):
             outlines = self.outlines(replace(start, drawn_um=drawn))
             deviation = Deviation(self.target, self.deviation_um(outlines) + offset_um)
             compensation = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
-            gained = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
-            best = compensation if best is None or gained > 0.0 else best
+            gain = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
+            best = compensation if best is None or gain > 0.0 else best
             rounds.append(best.printed.rms_um)
-            share *= 1.0 if gained > 0.0 else 0.5  # halve the step if a pixel responds too strongly
-            if gained < SETTLED_UM and (gained > 0.0 or share < MIN_SHARE):
+            step *= 1.0 if gain > 0.0 else 0.5  # a smaller step, because a pixel responded too strongly
+            if gain < CONVERGED_UM and (gain > 0.0 or step < MIN_STEP):
                 break
-            drawn = best.drawn_um - share * self._smooth(best.printed.um)
+            drawn = best.drawn_um - step * self._smooth(best.printed.um)
         assert best is not None  # noqa: S101  there is at least one round
         return replace(best, rounds_um=tuple(rounds))
 
     @cached_property
     def _inner(self) -> BoolArray:
-        """Mark the points (N,) farther from an end than the blur, because a sharper corner cannot be printed."""
+        """Mask (N,) of the points farther than the blur from the ends, whose corners cannot be printed."""
         along, reach = self.target.along_mm, 1e-3 * self.settings.edge_um
         return np.asarray((along > reach) & (along < along[-1] - reach))
 
@@ -143,24 +143,24 @@ class Printing:
         return float(np.sqrt(np.mean(um[self._inner] ** 2)))
 
     def _smooth(self, um: FloatArray) -> FloatArray:
-        """Deviation smoothed to the blur width; at the corners, the deviation of the adjacent lens is continued."""
+        """Return a deviation smoothed to the width of the blur, with that of the inner points continued to the ends."""
         along = self.target.along_mm
-        steady = np.interp(along, along[self._inner], um[self._inner])
+        continued = np.interp(along, along[self._inner], um[self._inner])
         width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))
-        return np.asarray(gaussian_filter1d(steady, width, mode="nearest"))
+        return np.asarray(gaussian_filter1d(continued, width, mode="nearest"))
 
 
 def compensated(printing: Printing) -> Compensation:
-    """Return the drawing with which, according to the process model, the lens of a body prints as its target.
+    """Return the drawing with which the lens of a body prints as its target, according to the model.
 
     Raises
     ------
     DataError, DesignError
-        If nothing is printed, or the walls leave no body.
+        If nothing is printed, or a wall is too short for its displacement.
     """
     settings = printing.settings
     scale = 1.0 / (1.0 - 0.01 * settings.shrinkage_percent)
     layers = max(1, round(printing.thickness_mm * 1e3 / settings.layer_um))
-    at = 0.5 * layers * settings.layer_um if printing.height_um is None else printing.height_um
-    wall_um = -(straight_edge_um(settings, layers, at) / scale + settings.wash_um)
+    height_um = 0.5 * layers * settings.layer_um if printing.height_um is None else printing.height_um
+    wall_um = -(straight_edge_um(settings, layers, height_um) / scale + settings.wash_um)
     return printing.corrected(Drawing(np.full(len(printing.target.points_mm), wall_um), wall_um, scale))

@@ -1,9 +1,9 @@
-"""Drawing sent to the printer: the outlines of a body, either unchanged or compensated so that they print as designed.
+"""Drawing sent to the printer: the outlines of a body, unchanged or compensated so that they print as designed.
 
-An outline consists of named faces. In a changed drawing, the points of the lens are specified individually, every other
-wall is moved along its normal by a common distance (the growth of a straight wall), and the entire drawing is scaled
-about the centre of the lens to balance shrinkage. If two moved faces no longer meet, they are cut or extended along
-their tangents to the intersection of these tangents.
+An outline consists of named faces. In a compensated drawing, the lens has points of its own, all other walls are
+displaced along their normals by a common distance (the growth of a straight wall), and the entire drawing is scaled
+about the centre of the lens to compensate shrinkage. If two displaced faces no longer meet, they are trimmed or
+extended to the intersection of their tangents.
 """
 
 import math
@@ -19,10 +19,10 @@ from solen.geometry import Body, Face
 from solen.plane import Point
 
 FLAT_MM = 1e-4
-"""Tolerance with which polylines approximate curves."""
-_PARALLEL = 1e-3
-_NEAREST_MM = 1e-6
-_MAX_MITER = 20.0
+"""Tolerance of the polylines of curves."""
+_MIN_SINE = 1e-3  # of the angle between tangents that are extended to their intersection
+_COINCIDENT_MM = 1e-6
+_MAX_MITRE = 20.0  # maximum length of an extension, divided by the gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class DrawnFace:
 
 
 def lens_face(body: Body) -> Face:
-    """Return the lens face of a body; raises `DesignError` if there is none, or more than one."""
+    """Return the lens face of a body; raise `DesignError` if there is not exactly one."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
-        limit = "a print is compared with exactly one face whose name begins with lens"
-        raise DesignError("lens", value=f"{len(faces)} faces", limit=limit, remedy="name or join the faces accordingly")
+        limit = f"must be one face, whose name begins with lens, but the body has {len(faces)}"
+        raise DesignError("lens", limit=limit, remedy="rename or join the faces")
     return faces[0]
 
 
@@ -50,25 +50,26 @@ def as_designed(body: Body) -> list[list[DrawnFace]]:
 def redrawn(
     body: Body, lens: FloatArray, wall_um: float, scale: float = 1.0, centre: Point = (0.0, 0.0)
 ) -> list[list[DrawnFace]]:
-    """Return outlines with the given lens points, other walls moved outwards by ``wall_um``, scaled about a centre.
+    """Return outlines with the given lens points and other walls displaced outwards by ``wall_um``, after scaling.
 
     Raises
     ------
     DesignError
         If a wall is too short for its displacement.
     """
-    outlines, middle = [], np.asarray(centre)
+    outlines, origin = [], np.asarray(centre)
     for outline in body.outlines:
-        moved = [
-            DrawnFace(face.name, lens if face.part == "lens" else _moved(face.curve.flattened(FLAT_MM), wall_um * 1e-3))
-            for face in outline
-        ]
-        outlines.append([replace(face, points=middle + scale * (face.points - middle)) for face in _joined(moved)])
+        faces = []
+        for face in outline:
+            is_lens = face.part == "lens"
+            points = lens if is_lens else _displaced(face.curve.flattened(FLAT_MM), wall_um * 1e-3)
+            faces.append(DrawnFace(face.name, points))
+        outlines.append([replace(face, points=origin + scale * (face.points - origin)) for face in _joined(faces)])
     return outlines
 
 
 def rings_of(outlines: Sequence[Sequence[DrawnFace]]) -> list[FloatArray]:
-    """Return closed polylines of drawn outlines; the last point is not repeated."""
+    """Return drawn outlines as closed polylines, whose last point does not repeat the first."""
     return [np.vstack([face.points[:-1] for face in outline]) for outline in outlines]
 
 
@@ -80,7 +81,7 @@ def curve_of(face: DrawnFace) -> Curve:
     return Spline.through(face.points)
 
 
-def _moved(points: FloatArray, by_mm: float) -> FloatArray:
+def _displaced(points: FloatArray, by_mm: float) -> FloatArray:
     """Return a polyline displaced to its right, away from the material."""
     step = np.diff(points, axis=0)
     step /= np.hypot(*step.T)[:, None]
@@ -96,7 +97,7 @@ def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
     joined = []
     for i, face in enumerate(faces):
         start, end = corners[i], corners[(i + 1) % len(corners)]
-        joined.append(replace(face, points=_between(points[i], start, end, face.name)))
+        joined.append(replace(face, points=_trimmed(points[i], start, end, face.name)))
     return joined
 
 
@@ -106,26 +107,26 @@ def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
     ta, tb = _unit(before[-1] - before[-2]), _unit(after[1] - after[0])
     sine = float(ta[0] * tb[1] - ta[1] * tb[0])
     gap = b - a
-    if abs(sine) < _PARALLEL or math.hypot(*gap) < _NEAREST_MM:
+    if abs(sine) < _MIN_SINE or math.hypot(*gap) < _COINCIDENT_MM:
         return np.asarray(0.5 * (a + b))
     along = float(gap[0] * tb[1] - gap[1] * tb[0]) / sine
-    if abs(along) > _MAX_MITER * math.hypot(*gap):
-        limit = "the moved walls have no common corner there: the angle is too sharp"
-        raise DesignError(f"corner before {name}", value=f"{math.degrees(math.asin(sine)):.2g} deg", limit=limit)
+    if abs(along) > _MAX_MITRE * math.hypot(*gap):
+        limit = f"is too sharp to displace its walls: {math.degrees(math.asin(sine)):.2g} deg"
+        raise DesignError(f"corner before {name}", limit=limit, remedy="make the corner blunter, or round it")
     return np.asarray(a + along * ta)
 
 
-def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
-    """Return a polyline from one corner to another; points beyond the corners are removed."""
+def _trimmed(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
+    """Return a polyline from one corner to the next, without its points beyond the corners."""
     first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
     inner = points[1:-1]
-    keep = ((inner - start) @ first > _NEAREST_MM) & ((end - inner) @ last > _NEAREST_MM)
-    if len(points) > 3:  # use the near corner only: the far half of a curved face may be behind that corner's tangent
+    keep = ((inner - start) @ first > _COINCIDENT_MM) & ((end - inner) @ last > _COINCIDENT_MM)
+    if len(points) > 3:  # each half has one corner only, because the tangent at the other may cut a curved face
         middle = len(inner) // 2
-        keep[:middle] = ((inner - start) @ first > _NEAREST_MM)[:middle]
-        keep[middle:] = ((end - inner) @ last > _NEAREST_MM)[middle:]
+        keep[:middle] = ((inner - start) @ first > _COINCIDENT_MM)[:middle]
+        keep[middle:] = ((end - inner) @ last > _COINCIDENT_MM)[middle:]
     if float((end - start) @ (points[-1] - points[0])) <= 0.0:
-        limit = "would vanish: it is shorter than the length that its neighbours remove"
+        limit = "is shorter than the part that the displacement of its neighbours removes"
         raise DesignError(name, limit=limit, remedy="lengthen it")
     return np.vstack([start, inner[keep], end])
 

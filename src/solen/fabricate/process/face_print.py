@@ -1,9 +1,9 @@
-"""Flat print of a lens that varies with height, layer by layer, each with its own image.
+"""Flat print of a lens that varies with height: layer by layer, each with its own image.
 
 A `FacePrint` combines the intended lens and the body that is drawn for it; they are the same unless the drawing is
-compensated. The printed wall of every layer is computed along the normals of the intended wall at mid-height of the
-layer, and becomes a profile z over |x|. The image has a corner or the centre of a pixel on the axis, so its left half
-mirrors its right half.
+compensated. The printed wall of each layer is computed along the normals of the intended wall at mid-height of the
+layer, and converted to a profile z(|x|). A corner or the centre of a pixel is on the axis, so that the left half of the
+image mirrors the right half.
 
 `FacePrint.printed` and `FacePrint.compensated` return a `PrintedFace`.
 """
@@ -31,15 +31,15 @@ from solen.progress import Progress
 from solen.results import HIDDEN
 
 POINTS = 401
-"""Number of points along a section of the face; only the right half is used."""
-PLACES = 257
+"""Number of points along a section of the face, of which only the right half is used."""
+PROFILE_POINTS = 257
 """Number of points of a profile from the axis to the half width."""
 VERTEX = (0.0, 0.0)
-MAX_ROUNDS, SETTLED_UM, MIN_SHARE = 12, 0.1, 0.2
-"""Maximum number of compensation rounds; change of the root mean square at convergence; minimum step fraction."""
-FAINT = 1e-3
-"""Fraction of a layer's light below which the layer does not affect a wall."""
-ACROSS_LAYERS = 1.0
+MAX_ROUNDS, CONVERGED_UM, MIN_STEP = 12, 0.1, 0.2
+"""Maximum number of rounds of compensation, change of the RMS error at convergence, and minimum fraction of a step."""
+MIN_LIGHT = 1e-3
+"""Fraction of the light of a layer below which the layer does not affect a wall."""
+SMOOTHING_LAYERS = 1.0
 """Number of layers over which a correction is smoothed."""
 
 
@@ -57,14 +57,14 @@ class PrintedFace:
     Attributes
     ----------
     y_mm
-        Mid-heights (L,) of the layers, measured from mid-height of the body.
+        Mid-heights (L,) of the layers, from mid-height of the body.
     um
         Deviation (L, N) along the normals of the intended walls, at N points from the axis to the edge; positive for
-        more material.
+        excess material.
     drawn, printed
         Profiles as drawn and as printed.
     rounds_um
-        For a compensation, root mean square of the deviation for each round, excluding the edge of the aperture.
+        For a compensation, RMS deviation after each round, without the edge of the aperture.
     """
 
     y_mm: FloatArray
@@ -75,7 +75,7 @@ class PrintedFace:
 
     @property
     def rms_um(self) -> float:
-        """Root mean square over the entire face."""
+        """RMS deviation of the entire face."""
         return float(np.sqrt(np.mean(self.um**2)))
 
 
@@ -90,7 +90,7 @@ class FacePrint:
 
     @classmethod
     def of(cls, body: Body, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> "FacePrint":
-        """Return the print of a body as drawn.
+        """Return the print of a body that is drawn as designed.
 
         Raises
         ------
@@ -98,11 +98,13 @@ class FacePrint:
             If the pixels are too coarse for the lens.
         """
         if body.front is None:
-            raise AssertionError("a prism has one outline")
+            raise AssertionError("the lens does not vary with height")
         lens = body.front.lens
         if 2.0 * lens.half_width_mm < MIN_PIXELS * 1e-3 * settings.pixel_um:
-            limit = f"the lens must be at least {MIN_PIXELS} pixels wide"
-            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="use smaller pixels")
+            max_um = 2e3 * lens.half_width_mm / MIN_PIXELS
+            limit = f"must be at most {max_um:.3g} µm: the lens must be at least {MIN_PIXELS} pixels wide"
+            remedy = "use a printer with smaller pixels"
+            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
         return cls(body, lens, settings, phase)
 
     @property
@@ -112,73 +114,70 @@ class FacePrint:
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Boundary heights (L + 1,) of the process layers, ascending, as for a layered lens."""
+        """Heights (L + 1,) of the boundaries of the layers, in ascending order, as for a layered lens."""
         return layer_edges_mm(self.lens.thickness_mm, 1e-3 * self.settings.layer_um)
 
     @cached_property
     def y_mm(self) -> FloatArray:
-        """Mid-heights (L,) of the layers, measured from mid-height of the body, starting at the build plate."""
+        """Mid-heights (L,) of the layers from mid-height of the body, starting at the build plate."""
         return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))[::-1]
 
     @cached_property
-    def places_mm(self) -> FloatArray:
-        """Lateral positions (M,) of profile points."""
-        return np.linspace(0.0, self.lens.half_width_mm, PLACES)
+    def x_mm(self) -> FloatArray:
+        """Lateral positions (M,) of the points of profiles."""
+        return np.linspace(0.0, self.lens.half_width_mm, PROFILE_POINTS)
 
     @cached_property
-    def wanted(self) -> FloatArray:
+    def intended(self) -> FloatArray:
         """Intended profiles (L, M)."""
-        return np.array([self.lens.z_at(self.places_mm, np.full(PLACES, y)) for y in self.y_mm.tolist()])
+        return np.array([self.lens.z_at(self.x_mm, np.full(PROFILE_POINTS, y)) for y in self.y_mm.tolist()])
 
     def printed(self, progress: Progress | None = None) -> PrintedFace:
-        """Face printed without compensation."""
+        """Return the face printed without compensation."""
         um, z = self._printed(self._layers(self.body), progress)
-        return PrintedFace(self.y_mm, um, self.wanted, z)
+        return PrintedFace(self.y_mm, um, self.intended, z)
 
     def offsets_um(self, layer: int, settings: Settings) -> FloatArray:
-        """Return the deviation of one uncompensated layer (N,) for other settings with the same pixels and layers."""
-        stack = replace(self._plain, settings=settings)
+        """Return the deviation (N,) of an uncompensated layer for other settings with the same pixels and layers."""
+        stack = replace(self._uncompensated, settings=settings)
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
-    def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Change in deviation (N,) of the given layers of an uncompensated face at another position in the pixel."""
-        stack, alike = replace(self, phase=phase)._plain, self._representative
-        return [
-            stack.offsets_um(alike[layer], self._targets[alike[layer]], VERTEX) - face.um[layer] for layer in layers
-        ]
+    def changes_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
+        """Return the changes (N,) of the deviation of uncompensated layers due to another position in the pixel."""
+        stack, same = replace(self, phase=phase)._uncompensated, self._representative
+        return [stack.offsets_um(same[layer], self._targets[same[layer]], VERTEX) - face.um[layer] for layer in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
-        """Return the face printed from a drawing that is corrected by the print deviation until this stops changing."""
-        best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
+        """Return the face printed from a drawing that is corrected by the printed deviation until this converges."""
+        best, step, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MAX_ROUNDS):
-            drawn = (best.drawn - share * self._smooth(self._attributed(best)))[self._representative]
+            drawn = (best.drawn - step * self._smooth(self._attributed(best)))[self._representative]
             um, z = self._printed(self._layers(self.drawn_body(drawn)), None)
             if progress is not None:
                 progress((number + 1) / MAX_ROUNDS)
-            gained = rounds[-1] - (rms := self._inner_rms_um(z))
-            if gained > 0.0:
+            gain = rounds[-1] - (rms := self._inner_rms_um(z))
+            if gain > 0.0:
                 best = PrintedFace(self.y_mm, um, drawn, z)
             else:
-                share *= 0.5
+                step *= 0.5
             rounds.append(min(rms, rounds[-1]))
-            if gained < SETTLED_UM and (gained > 0.0 or share < MIN_SHARE):
+            if gain < CONVERGED_UM and (gain > 0.0 or step < MIN_STEP):
                 break
         return replace(best, rounds_um=tuple(rounds))
 
     def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
         """Return profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
-        cut = (self.lens.half_width_mm, self.edges_mm, z[::-1])
-        return Profiles(name, *cut, simulated=True, warnings=(warning,))
+        return Profiles(name, self.lens.half_width_mm, self.edges_mm, z[::-1], simulated=True, warnings=(warning,))
 
     def lens_of(self, given: Profiles) -> GivenLayers:
-        """Return a lens with the given profiles in place of the intended ones."""
-        own = self.lens
-        cut = (own.distance_mm, own.focus_mm, own.half_width_mm, own.design_index, own.outside_index)
-        layer_mm = own.thickness_mm / len(given.z_mm)
-        return GivenLayers(*cut, thickness_mm=own.thickness_mm, layer_mm=layer_mm, given=given)
+        """Return the lens with the given profiles."""
+        lens = self.lens
+        numbers = (lens.distance_mm, lens.focus_mm, lens.half_width_mm, lens.design_index, lens.outside_index)
+        layer_mm = lens.thickness_mm / len(given.z_mm)
+        return GivenLayers(*numbers, thickness_mm=lens.thickness_mm, layer_mm=layer_mm, given=given)
 
     @cached_property
-    def _plain(self) -> Stack:
+    def _uncompensated(self) -> Stack:
         return self._stack(self._layers(self.body))
 
     def _stack(self, layers: list[Layer]) -> Stack:
@@ -191,14 +190,14 @@ class FacePrint:
         )
 
     def _layers(self, body: Body) -> list[Layer]:
-        """Return the layers as a body draws them; layers with the same curve share one object."""
+        """Return the layers of a drawn body; layers with identical curves share one object."""
         if body.front is None:
-            raise AssertionError("a prism has one outline")
+            raise AssertionError("the lens does not vary with height")
         known: dict[bytes, Layer] = {}
         layers = []
-        for y, wanted, target in zip(self.y_mm.tolist(), self.wanted, self._targets, strict=True):
-            drawn = body.front.lens.z_at(self.places_mm, np.full(PLACES, y))
-            key = np.round(np.concatenate([drawn, wanted]), 9).tobytes()
+        for y, intended, target in zip(self.y_mm.tolist(), self.intended, self._targets, strict=True):
+            drawn = body.front.lens.z_at(self.x_mm, np.full(PROFILE_POINTS, y))
+            key = np.round(np.concatenate([drawn, intended]), 9).tobytes()
             if key not in known:
                 known[key] = Layer(rings_of(as_designed(section(body, y))), target)
             layers.append(known[key])
@@ -206,18 +205,18 @@ class FacePrint:
 
     @cached_property
     def _targets(self) -> list[Target]:
-        """Return the intended walls (L,); walls with the same curve share one object."""
+        """Return the intended walls (L,); identical walls share one object."""
         known: dict[bytes, Target] = {}
-        for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
-            key = np.round(wanted, 9).tobytes()
+        keys = [np.round(intended, 9).tobytes() for intended in self.intended]
+        for y, key in zip(self.y_mm.tolist(), keys, strict=True):
             known[key] = known.get(key) or self._target(y)
-        return [known[np.round(wanted, 9).tobytes()] for wanted in self.wanted]
+        return [known[key] for key in keys]
 
     def _target(self, y_mm: float) -> Target:
         """Return the right half of the intended wall at a height."""
-        whole = Target.of(lens_face(section(self.body, y_mm)).curve, POINTS)
+        wall = Target.of(lens_face(section(self.body, y_mm)).curve, POINTS)
         right = slice(POINTS // 2, None)
-        return Target(whole.points_mm[right], whole.outward[right], whole.along_mm[right], VERTEX)
+        return Target(wall.points_mm[right], wall.outward[right], wall.along_mm[right], VERTEX)
 
     def _printed(self, layers: list[Layer], progress: Progress | None) -> tuple[FloatArray, FloatArray]:
         """Return deviations (L, N) and printed profiles (L, M)."""
@@ -229,67 +228,69 @@ class FacePrint:
             if progress is not None:
                 progress((number + 1) / len(layers))
         um = [known[number] for number in self._representative.tolist()]
-        rows = zip(self.y_mm.tolist(), layers, um, self.wanted, strict=True)
-        return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
+        rows = zip(self.y_mm.tolist(), layers, um, self.intended, strict=True)
+        return np.array(um), np.array([self._profile(y, layer.target, offsets, z) for y, layer, offsets, z in rows])
 
-    def _profile(self, y_mm: float, target: Target, um: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return a printed profile (M,): intended profile plus deviation along z, continued beyond the last point."""
-        x, z = target.moved_um(um).T
-        forward = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (
-            x <= self.lens.half_width_mm
-        )
-        x, z = x[forward], z[forward]
-        off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, np.zeros(())), "not-a-knot"))
-        return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
+    def _profile(self, y_mm: float, target: Target, um: FloatArray, intended: FloatArray) -> FloatArray:
+        """Return a printed profile (M,): the intended profile plus the deviation along z, continued to the edge."""
+        x, z = target.displaced(um).T
+        ahead = x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9
+        used = ahead & (x <= self.lens.half_width_mm)
+        x, z = x[used], z[used]
+        error = z - self.lens.z_at(x, np.full_like(x, y_mm))
+        spline = CubicSpline(x, error, bc_type=((1, np.zeros(())), "not-a-knot"))
+        return np.asarray(intended + spline(np.clip(self.x_mm, x[0], x[-1])))
 
     def drawn_body(self, z: FloatArray) -> Body:
         """Return the body with drawn profiles."""
         if self.body.front is None:
-            raise AssertionError("a prism has one outline")
+            raise AssertionError("the lens does not vary with height")
         lens = self.lens_of(self.profiles(z, "drawn", ""))
         return replace(self.body, front=replace(self.body.front, lens=lens))
 
     @cached_property
     def _representative(self) -> IntArray:
-        """Number of a layer that prints like each layer (L,); for an upright lens, the middle of its slab."""
-        if np.ptp(self.wanted, axis=0).max() > 0.0:
+        """For each layer (L,), the index of one that prints identically: the middle of its slab if profiles agree."""
+        if np.ptp(self.intended, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)
         return np.concatenate([np.full(part.last - part.first + 1, part.middle) for part in parts])
 
     @cached_property
     def _inner(self) -> int:
-        """Number of points farther from the edge than the blur, because a sharper corner cannot be printed."""
-        reach = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
-        return int(np.count_nonzero(self.places_mm < reach))
+        """Number of points at a distance of more than two blur widths from the edge, whose corner cannot be printed."""
+        end = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
+        return int(np.count_nonzero(self.x_mm < end))
 
     def _inner_rms_um(self, z: FloatArray) -> float:
-        return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
+        return 1e3 * float(np.sqrt(np.mean((z - self.intended)[:, : self._inner] ** 2)))
 
     def _attributed(self, face: PrintedFace) -> FloatArray:
-        """Return deviations (L, M) along z, assigned to the layers whose light causes them.
+        """Return deviations (L, M) along z, attributed to the layers whose light causes them.
 
-        A wall moves with the edge of an image in proportion to the light from that edge at the wall. The wall below an
-        overhang is determined by light from the overhanging layer, so moving the edge of its own image has no effect.
+        A wall moves with the edge of an image in proportion to the light of that edge at the wall. The wall below an
+        overhang is determined by the light of the overhanging layer, so the edge of its own image has no effect.
         """
-        off = face.printed - self.wanted
-        lean = np.hypot(1.0, np.gradient(self.wanted, self.places_mm, axis=1))
+        error = face.printed - self.intended
+        slant = np.hypot(1.0, np.gradient(self.intended, self.x_mm, axis=1))
         exposures, width = self.settings.exposures(self.layers), 1e-3 * self.settings.edge_um
-        moved, weights = np.zeros_like(off), np.full_like(off, FAINT * exposures.max())
+        attributed, weights = np.zeros_like(error), np.full_like(error, MIN_LIGHT * exposures.max())
         for above in range(self.layers):
-            left = float(self.settings.left(np.array([(above + 0.5) * self.settings.layer_um]))[0])
-            if left < FAINT:
+            transmitted = float(self.settings.transmitted(np.array([(above + 0.5) * self.settings.layer_um]))[0])
+            if transmitted < MIN_LIGHT:
                 break
-            later, here = slice(above, None), slice(None, self.layers - above)
-            apart = (face.drawn[later] - face.printed[here]) / (lean[here] * width)
-            weight = left * exposures[later, None] * np.exp(-0.5 * apart**2)
-            moved[later] += weight * off[here]
+            later, earlier = slice(above, None), slice(None, self.layers - above)
+            distance = (face.drawn[later] - face.printed[earlier]) / (slant[earlier] * width)
+            weight = transmitted * exposures[later, None] * np.exp(-0.5 * distance**2)
+            attributed[later] += weight * error[earlier]
             weights[later] += weight
-        return np.asarray(moved / weights)
+        return np.asarray(attributed / weights)
 
-    def _smooth(self, off: FloatArray) -> FloatArray:
-        """Return deviations (L, M) along z, smoothed to the blur width; at the edge, the adjacent face is continued."""
-        steady = np.where(np.arange(PLACES) < self._inner, off, off[:, self._inner - 1 : self._inner])
-        width = 1e-3 * self.settings.edge_um / float(self.places_mm[1])
-        mirrored = np.concatenate([steady[:, :0:-1], steady], axis=1)
-        return np.asarray(gaussian_filter(mirrored, (ACROSS_LAYERS, width), mode="nearest")[:, PLACES - 1 :])
+    def _smooth(self, error: FloatArray) -> FloatArray:
+        """Return errors (L, M) smoothed to the width of the blur; at the edge, those of inner points are continued."""
+        is_inner = np.arange(PROFILE_POINTS) < self._inner
+        continued = np.where(is_inner, error, error[:, self._inner - 1 : self._inner])
+        width = 1e-3 * self.settings.edge_um / float(self.x_mm[1])
+        mirrored = np.concatenate([continued[:, :0:-1], continued], axis=1)
+        smoothed = gaussian_filter(mirrored, (SMOOTHING_LAYERS, width), mode="nearest")
+        return np.asarray(smoothed[:, PROFILE_POINTS - 1 :])

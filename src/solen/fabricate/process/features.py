@@ -1,12 +1,13 @@
-"""Features of printed coupons (pillars, holes, gaps, steps): measured values from files, and sizes from the model.
+"""Features of printed coupons (pillars, holes, gaps, steps): measured sizes from files, and sizes from the model.
 
-Seen from above, the width of a feature is its maximum width, which occurs on the window side of a layer deep inside the
-part. A round image blurred by a Gaussian is a one-dimensional integral, so a coupon is modelled without an image,
+Seen from above, the width of a feature is its maximum width, on the window side of a layer deep inside the part. The
+dose of a round image blurred by a Gaussian is a one-dimensional integral, so a coupon is modelled without an image,
 averaged over its positions between pixels (`Settings.edge_um`). A pillar is missing if even its centre receives less
-than the critical dose; a hole is closed, or a gap merged, if its centre receives at least the critical dose.
+than the critical dose; a hole is closed, and the pillars of a gap are merged, if its centre receives at least the
+critical dose.
 
-All features of one image share its scale, so a `MeasuredCoupon` also stores the scale: a scale error is a single
-unknown, not independent noise for each feature.
+All features of an image share its scale, which a `MeasuredCoupon` therefore contains: a scale error is a single
+unknown, not independent noise of each feature.
 """
 
 import math
@@ -23,42 +24,42 @@ from scipy.special import i0e
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
-from solen.fabricate.process.growth import Light, inside
+from solen.fabricate.process.growth import Light, inside_light
 from solen.fabricate.process.settings import Settings
 from solen.recording import Provenance
 from solen.recording.source import load
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Number, Strict, error_context
 
 Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
 GAP_PILLAR_MM = 0.3
 """Default diameter of the two pillars of a gap, as in the published group B."""
-APART = 3.0
-"""Ratio of measured to drawn sizes, or its inverse, above which the unit is questioned."""
-_WIDE = 6.5  # widths of a blur beyond which it adds nothing
-_NODES = 28
-_EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # tolerance of an edge, in µm
+UNIT_RATIO = 3.0
+"""A median ratio of measured to drawn sizes within this factor of 1000 or 1/1000 suggests a wrong unit."""
+_BLUR_WIDTHS = 6.5  # standard deviations at which a blur is cut off
+_NODES = 28  # of the quadrature
+_EDGE_TOLERANCES: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # in µm
 
 
 @dataclass(frozen=True)
 class MeasuredFeature:
-    """A coupon feature.
+    """A feature of a coupon.
 
     Attributes
     ----------
     kind
-        Pillar or hole (sized by diameter), gap (between the edges of two pillars) or step (a height).
+        Pillar or hole, whose size is its diameter; gap between two pillars; or step, whose size is its height.
     nominal_mm
         Drawn size.
     measured_mm, u_measured_mm
         Measured size and its standard uncertainty; None if the feature is missing.
     resolved
-        Whether the pillar stands, the hole or gap is open, or the step is visible.
+        Whether the pillar exists, the hole or gap is open, or the step is visible.
     diameter_mm
         Diameter of the two pillars of a gap.
     u_own_mm
-        Standard uncertainty excluding the scale uncertainty; None if not reported separately.
+        Standard uncertainty without that of the scale; None if it is not reported separately.
     """
 
     kind: Kind
@@ -70,18 +71,18 @@ class MeasuredFeature:
     u_own_mm: Length | None = None
 
     def own_u_mm(self, u_scale: float) -> float:
-        """Return the standard uncertainty excluding the scale; if not reported, the total minus the scale contribution.
+        """Return the standard uncertainty without that of the scale: as reported, or by subtraction in quadrature.
 
-        If the uncertainty in a file is smaller than the scale contribution, it already excludes the scale.
+        A total uncertainty below the contribution of the scale is treated as one that already excludes the scale.
         """
-        u_mm, by_scale = self.u_measured_mm or 0.0, (self.measured_mm or 0.0) * u_scale
         if self.u_own_mm is not None:
             return self.u_own_mm
-        return math.sqrt(u_mm**2 - by_scale**2) if by_scale < u_mm else u_mm
+        u_mm, scale_mm = self.u_measured_mm or 0.0, (self.measured_mm or 0.0) * u_scale
+        return math.sqrt(u_mm**2 - scale_mm**2) if scale_mm < u_mm else u_mm
 
 
 class PixelScale(Strict):
-    """Pixel size in the image from which features were measured."""
+    """Size of a pixel of the image in which features were measured."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -91,7 +92,7 @@ class PixelScale(Strict):
 
 
 class _File(Strict):
-    """A feature file; other keys, for example from `solen print fidelity --out`, are ignored."""
+    """A feature file; other keys, such as those of `solen print fidelity --out`, are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -108,30 +109,29 @@ class _File(Strict):
 
 @dataclass(frozen=True)
 class SharedScale:
-    """A scale common to all lengths of an image: its value, and its relative standard uncertainty or None."""
+    """A scale that all lengths of an image share: its value, and its relative standard uncertainty."""
 
     size_um: float | None = None
     u_relative: float | None = None
 
     @classmethod
     def of(cls, size_um: float | None, u_um: float | None) -> "SharedScale":
-        """Return the scale for a size and its standard uncertainty, both in µm."""
+        """Return the scale with a size and its standard uncertainty, both in µm."""
         return cls(size_um, None if size_um is None or u_um is None else u_um / size_um)
 
 
 @dataclass(frozen=True)
 class MeasuredCoupon:
-    """Features of one image or height map.
+    """Features of an image or a height map.
 
     Attributes
     ----------
     features
         The features.
     lateral, vertical
-        Scales of lengths and heights.
+        Scales of lengths and of heights.
     pitch_ratio, u_pitch_ratio
-        Ratio of measured to drawn distances between features, and its standard uncertainty excluding the scale
-        uncertainty.
+        Ratio of measured to drawn distances between features, and its standard uncertainty without that of the scale.
     source
         The file.
     """
@@ -150,7 +150,7 @@ class MeasuredCoupon:
 
 
 def read_features(path: Path) -> MeasuredCoupon:
-    """Read the features in a JSON file and their scale.
+    """Return the features in a JSON file, and their scale.
 
     The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
     …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …], "scale": {"um_per_px": …, "u_um_per_px": …}}``; a gap
@@ -159,32 +159,32 @@ def read_features(path: Path) -> MeasuredCoupon:
     Raises
     ------
     DataError
-        If the file contains no feature, or an impossible one.
+        If the file is not a feature file, or contains an invalid feature.
     """
     source = load(path)
-    data = parsed(source.text(), str(path))
+    data = parse_json(source.text(), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
-        raise DataError(str(path), limit='not a feature file: it has no list "features"')
+        raise DataError(str(path), limit='is not a feature file: it has no list "features"')
     _check_units(path, data["features"])
     with error_context(str(path)):
-        file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
+        file = _File(**data | {"features": [_without_unresolved(row) for row in data["features"]]})
     for number, feature in enumerate(file.features):
         if feature.measured_mm is not None and feature.u_measured_mm is None:
-            limit = "missing: a measured size must have an uncertainty to be weighted"
-            raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="specify it")
-    scale, about = file.scale, {"coupon": file.coupon}
+            limit = "missing: required for the weight of a measured size"
+            raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="add it")
+    scale, metadata = file.scale, {"coupon": file.coupon}
     return MeasuredCoupon(
         file.features,
         SharedScale() if scale is None else SharedScale.of(scale.um_per_px, scale.u_um_per_px),
         SharedScale.of(file.z_um, file.u_z_um),
         file.pitch_ratio if file.u_pitch_ratio is not None else None,
         file.u_pitch_ratio,
-        Provenance(source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated),
+        Provenance(source.name, source.sha256, "solen-features", metadata=metadata, simulated=file.simulated),
     )
 
 
 def _check_units(path: Path, rows: list[Any]) -> None:
-    """Raise `DataError` if most drawn and measured sizes differ by a factor of about a thousand."""
+    """Raise `DataError` if measured and drawn sizes typically differ by a factor of about a thousand."""
     ratios = [
         float(measured) / float(nominal)
         for row in rows
@@ -193,35 +193,31 @@ def _check_units(path: Path, rows: list[Any]) -> None:
         if isinstance(nominal, int | float) and isinstance(measured, int | float) and nominal > 0.0 and measured > 0.0
     ]
     ratio = sorted(ratios)[len(ratios) // 2] if ratios else 1.0
-    for factor, limit in (
-        (1e3, "appears to be in µm: measured_mm is in mm"),
-        (1e-3, "appears to be in metres, or nominal_mm in µm"),
-    ):
-        if abs(math.log(ratio / factor)) < math.log(APART):
-            value = f"{ratio:.3g} times the drawn size"
-            raise DataError(f"{path}: measured_mm", value=value, limit=limit, remedy="write all sizes in mm")
+    for factor, unit in ((1e3, "seems to be in µm"), (1e-3, "seems to be in metres, or nominal_mm in µm")):
+        if abs(math.log(ratio / factor)) < math.log(UNIT_RATIO):
+            limit = f"{unit}: it is typically {ratio:.3g} times nominal_mm"
+            raise DataError(f"{path}: measured_mm", limit=limit, remedy="write all sizes in mm")
 
 
-def _sized(row: Any) -> Any:
-    """Return a row without its size if the size is not resolved, as for a step of height 0; such rows are not used."""
+def _without_unresolved(row: Any) -> Any:
+    """Return a row without its sizes if the feature is not resolved (such as a step of height 0)."""
     if not isinstance(row, dict):
         return row
     sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm", "u_own_mm")}
-    stated = {key: value for key, value in row.items() if key != "diameter_mm" or value is not None}
-    return stated | sizes
+    return {key: value for key, value in row.items() if key != "diameter_mm" or value is not None} | sizes
 
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
-    """Return printed sizes (n,) of features in mm; NaN for features that are missing or closed."""
+    """Return the printed sizes (n,) of features in mm; NaN for features that are missing or closed."""
     sizes = np.full(len(features), np.nan)
-    light = inside(settings)
-    smaller, wash = 1.0 - 0.01 * settings.shrinkage_percent, 2.0 * settings.wash_um
+    light = inside_light(settings)
+    scale, wash = 1.0 - 0.01 * settings.shrinkage_percent, 2.0 * settings.wash_um
     for kind, solve, sign in (("pillar", _pillars, 1.0), ("hole", _holes, -1.0), ("gap", _gaps, -1.0)):
-        at = [i for i, feature in enumerate(features) if feature.kind == kind]
-        if at:
-            nominal = np.array([1e3 * features[i].nominal_mm for i in at])
-            beside = np.array([1e3 * features[i].diameter_mm for i in at])
-            sizes[at] = 1e-3 * (smaller * solve(nominal, beside, light, settings.Ec_mJ_per_cm2) + sign * wash)
+        indices = [i for i, feature in enumerate(features) if feature.kind == kind]
+        if indices:
+            nominal = np.array([1e3 * features[i].nominal_mm for i in indices])
+            diameter = np.array([1e3 * features[i].diameter_mm for i in indices])
+            sizes[indices] = 1e-3 * (scale * solve(nominal, diameter, light, settings.Ec_mJ_per_cm2) + sign * wash)
     for i, feature in enumerate(features):
         if feature.kind == "step":
             layers = round(1e3 * feature.nominal_mm / settings.layer_um)
@@ -231,14 +227,14 @@ def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> Float
 
 
 def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: FloatArray | float) -> FloatArray:
-    """Return the light of a uniform disc blurred by a Gaussian at distances from its centre; all arguments broadcast.
+    """Return the light of a uniform disc blurred by a Gaussian, at distances from its centre; arguments are broadcast.
 
-    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss-Legendre quadrature within 6.5 σ of r; at
-    the centre 1 - exp(-R²/2σ²).
+    The light is ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss–Legendre quadrature within
+    6.5 σ of r; at the centre, it is 1 - exp(-R²/2σ²).
     """
     nodes, weights = _quadrature()
-    low = np.maximum(r_um - _WIDE * sigma_um, 0.0)
-    high = np.maximum(np.minimum(r_um + _WIDE * sigma_um, radius_um), low)
+    low = np.maximum(r_um - _BLUR_WIDTHS * sigma_um, 0.0)
+    high = np.maximum(np.minimum(r_um + _BLUR_WIDTHS * sigma_um, radius_um), low)
     half = 0.5 * (high - low)
     rho = (low + half)[..., None] + half[..., None] * nodes
     r, sigma = r_um[..., None], np.asarray(sigma_um)[..., None]
@@ -253,45 +249,44 @@ def _quadrature() -> tuple[FloatArray, FloatArray]:
 
 
 def _dose(r_um: FloatArray, radius_um: FloatArray, light: Light) -> FloatArray:
-    """Return the dose at distances from the centre of lit discs."""
+    """Return the dose at distances from the centres of lit discs."""
     doses, blurs = light
     return np.asarray(doses @ disc(r_um, radius_um, blurs[:, None]))
 
 
-def _pillars(diameter: FloatArray, _beside: FloatArray, light: Light, critical: float) -> FloatArray:
+def _pillars(diameter: FloatArray, _: FloatArray, light: Light, critical: float) -> FloatArray:
     radius = 0.5 * diameter
 
     def excess(r: FloatArray, radius: FloatArray) -> FloatArray:
         return _dose(r, radius, light) - critical
 
-    return 2.0 * _edge(excess, radius + _WIDE * float(light[1].max()), radius)
+    return 2.0 * _edge(excess, radius + _BLUR_WIDTHS * float(light[1].max()), radius)
 
 
-def _holes(diameter: FloatArray, _beside: FloatArray, light: Light, critical: float) -> FloatArray:
-    radius, whole = 0.5 * diameter, float(light[0].sum())
+def _holes(diameter: FloatArray, _: FloatArray, light: Light, critical: float) -> FloatArray:
+    radius, full_dose = 0.5 * diameter, float(light[0].sum())
 
-    def short(r: FloatArray, radius: FloatArray) -> FloatArray:
-        return critical - (whole - _dose(r, radius, light))
+    def deficit(r: FloatArray, radius: FloatArray) -> FloatArray:
+        return critical - (full_dose - _dose(r, radius, light))
 
-    return 2.0 * _edge(short, radius + _WIDE * float(light[1].max()), radius)
+    return 2.0 * _edge(deficit, radius + _BLUR_WIDTHS * float(light[1].max()), radius)
 
 
-def _gaps(gap: FloatArray, beside: FloatArray, light: Light, critical: float) -> FloatArray:
-    radius, centre = 0.5 * beside, 0.5 * (beside + gap)
+def _gaps(gap: FloatArray, diameter: FloatArray, light: Light, critical: float) -> FloatArray:
+    radius, centre = 0.5 * diameter, 0.5 * (diameter + gap)
 
-    def short(x: FloatArray, radius: FloatArray, centre: FloatArray) -> FloatArray:
+    def deficit(x: FloatArray, radius: FloatArray, centre: FloatArray) -> FloatArray:
         return critical - _dose(np.abs(centre - x), radius, light) - _dose(centre + x, radius, light)
 
-    return 2.0 * _edge(short, centre, radius, centre)
+    return 2.0 * _edge(deficit, centre, radius, centre)
 
 
-def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -> FloatArray:
-    """Distances at which functions fall from positive at the centre to negative outside; NaN without a crossing."""
+def _edge(function: Callable[..., FloatArray], far: FloatArray, *arguments: FloatArray) -> FloatArray:
+    """Return the distances at which a function, positive at the centre, falls to 0; NaN if that is beyond ``far``."""
     near = np.zeros_like(far)
-    has = (excess(near, *of) > 0.0) & (excess(far, *of) < 0.0)
+    has_root = (function(near, *arguments) > 0.0) & (function(far, *arguments) < 0.0)
     edges = np.full(len(far), np.nan)
-    if has.any():
-        ends = (near[has], far[has])
-        root = elementwise.find_root(excess, ends, args=tuple(values[has] for values in of), tolerances=_EXACT)
-        edges[has] = root.x
+    if has_root.any():
+        bracket, args = (near[has_root], far[has_root]), tuple(values[has_root] for values in arguments)
+        edges[has_root] = elementwise.find_root(function, bracket, args=args, tolerances=_EDGE_TOLERANCES).x
     return edges

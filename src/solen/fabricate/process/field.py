@@ -3,9 +3,9 @@
 The grid is finer than the pixels. Every term of a dose is an image convolved with the light of one pixel and a
 Gaussian. Its spectrum is therefore the product of the spectrum of the image, that of the pixel
 (`solen.fabricate.process.response`) and exp(-σ²k²/2). Terms with the same image are added before the inverse transform;
-a part whose layers all show one image needs only one transform in each direction. The pixel blur limits the spectrum,
-so a fine grid represents the dose to within rounding error. Between grid points, the dose is interpolated by a cubic
-spline of its logarithm, which is nearly a parabola at an edge.
+a part with the same image in all layers requires only one transform in each direction. The blur of the pixels limits
+the spectrum, so that a fine grid represents the dose to within rounding errors. Between grid points, the dose is
+interpolated by a cubic spline of its logarithm, which is nearly a parabola at an edge.
 
 A transform is periodic: within a few halo widths of its borders, an image must be dark or uniform.
 """
@@ -27,30 +27,30 @@ from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
 
 Spectrum = NDArray[np.complex128]
-DARK = 1e-12
-"""Fraction of the maximum dose below which its logarithm is cut off."""
+MIN_DOSE = 1e-12
+"""Minimum dose, as a fraction of the maximum, to which smaller doses are set before the logarithm is taken."""
 MAX_POINTS = 20_000_000
 MAX_LAYERS = 10_000
-_FAR = 6.0  # widths of the halo that are kept free around the lens
-_DEEP = 3.0  # depth, in penetration depths, at which the halo's width is evaluated for this
-_REACH_UM = 300.0
+_MARGIN_WIDTHS = 6.0  # margin around the lens, in widths of the halo
+_HALO_DEPTH = 3.0  # depth at which this width is evaluated, in penetration depths
+_MIN_MARGIN_UM = 300.0
 
 
 @dataclass(frozen=True, eq=False)
 class FlatImage:
-    """The image shown by all layers of a part printed flat.
+    """The image of all layers of a part printed flat.
 
     Attributes
     ----------
-    shares
+    light
         Fractions of the full light (rows, columns), 0 to 1.
     layers
         Number of layers.
     corner_um
-        Lower left corner of the first pixel: along columns, along rows.
+        X and Y of the lower left corner of the first pixel.
     """
 
-    shares: FloatArray
+    light: FloatArray
     layers: int
     corner_um: tuple[float, float] = (0.0, 0.0)
 
@@ -63,31 +63,31 @@ class FlatImage:
         layers: int,
         phase: tuple[float, float] = (0.0, 0.0),
     ) -> "FlatImage":
-        """Return an image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
+        """Return the image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
 
-        The drawing origin is at ``phase`` in its pixel, as drawn by `solen.fabricate.layers`; (0, 0) is a corner.
+        The origin of the drawing is at ``phase`` in its pixel, as in `solen.fabricate.layers`; (0, 0) is a corner.
 
         Raises
         ------
         DataError
-            If a print would exceed the memory of a laptop, or take minutes for each height.
+            If the image has too many pixels, or the part has too many layers.
         """
         pitch = 1e-3 * np.array(settings.pixels_um)
-        halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
-        margin = 1e-3 * (max(_FAR * halo, settings.pixel_light.reach_um) + _REACH_UM)
+        halo = math.hypot(settings.halo_um, settings.halo_per_depth * _HALO_DEPTH * settings.Dp_um)
+        margin = 1e-3 * (max(_MARGIN_WIDTHS * halo, settings.pixel_light.reach_um) + _MIN_MARGIN_UM)
         grid = -pitch * np.asarray(phase)
         first = np.floor((extent.min(axis=0) - margin - grid) / pitch)
         last = np.ceil((extent.max(axis=0) + margin - grid) / pitch)
         columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
         x, z = (grid + first * pitch).tolist()
         _check_size(rows * columns, layers, settings)
-        shares = coverage(rings, (float(pitch[0]), float(pitch[1])), (x, z), (rows, columns))
-        return cls(settings.greys.light[np.rint(FULL * shares).astype(np.uint8)], layers, (1e3 * x, 1e3 * z))
+        covered = coverage(rings, (float(pitch[0]), float(pitch[1])), (x, z), (rows, columns))
+        return cls(settings.greys.light[np.rint(FULL * covered).astype(np.uint8)], layers, (1e3 * x, 1e3 * z))
 
     @cached_property
     def spectrum(self) -> NDArray[np.complex128]:
-        """Fourier transform of the image, with pixels as points."""
-        return np.asarray(fft.fft2(self.shares))
+        """Fourier transform of the image, whose pixels are treated as points."""
+        return np.asarray(fft.fft2(self.light))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +99,9 @@ class DoseMap:
     dose
         Dose in mJ/cm², (rows, columns).
     first_um
-        Position of the first grid point: along columns, along rows.
+        X and Y of the first grid point.
     step_um
-        Grid spacing: along columns, along rows.
+        Grid spacing along X and Y.
     Ec_mJ_per_cm2
         Critical dose.
     """
@@ -113,19 +113,19 @@ class DoseMap:
 
     @cached_property
     def _spline(self) -> FloatArray:
-        floor = max(float(self.dose.max()) * DARK, 1e-300)
+        floor = max(float(self.dose.max()) * MIN_DOSE, 1e-300)
         excess = np.log(np.maximum(self.dose, floor) / self.Ec_mJ_per_cm2)
         return np.asarray(ndimage.spline_filter(excess, order=3, mode="nearest"))
 
-    def log_excess(self, places_um: ArrayLike) -> FloatArray:
-        """Return the logarithm of dose over critical dose at points (..., 2) in µm; above 0 the resin is set."""
-        places = np.asarray(places_um, float)
-        at = [(places[..., axis] - self.first_um[axis]) / self.step_um[axis] for axis in (1, 0)]
-        return np.asarray(ndimage.map_coordinates(self._spline, at, order=3, mode="nearest", prefilter=False))
+    def log_excess(self, points_um: ArrayLike) -> FloatArray:
+        """Return the logarithm of dose over critical dose at points (..., 2) in µm; above 0, the resin is cured."""
+        points = np.asarray(points_um, float)
+        indices = [(points[..., axis] - self.first_um[axis]) / self.step_um[axis] for axis in (1, 0)]
+        return np.asarray(ndimage.map_coordinates(self._spline, indices, order=3, mode="nearest", prefilter=False))
 
 
 def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
-    """Dose of a part at a height above the platform, on a grid finer than the pixels by an integer factor."""
+    """Return the dose of a part at a height above the plate, on a grid finer than the pixels by an integer factor."""
     terms = terms_at(settings, image.layers, height_um)
     return fine_dose(image, settings, [(image.spectrum, *_merged(terms.dose, terms.sigma_um))])
 
@@ -133,17 +133,17 @@ def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
 def fine_dose(
     image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]
 ) -> DoseMap:
-    """Return the dose on the pixels of an image, from terms (spectrum, doses in mJ/cm² (T,), blurs in µm (T,))."""
+    """Return the dose on the grid of an image, from terms (spectrum, doses in mJ/cm² (T,), blurs in µm (T,))."""
     (x, y), pixel = settings.pixels_um, settings.pixel_light
     fine = pixel.fine
-    rows, columns = (fine * count for count in image.shares.shape)
-    across, along = math.tau * fft.rfftfreq(columns, x / fine), math.tau * fft.fftfreq(rows, y / fine)
-    whole = np.zeros((len(along), len(across)), np.complex128)
+    rows, columns = (fine * count for count in image.light.shape)
+    kx, ky = math.tau * fft.rfftfreq(columns, x / fine), math.tau * fft.fftfreq(rows, y / fine)
+    total = np.zeros((len(ky), len(kx)), np.complex128)
     for spectrum, doses, blurs in terms:
-        beyond = np.sqrt(np.maximum(blurs**2 - pixel.blur_um**2, 0.0))
-        whole += np.tile(spectrum, (fine, fine))[:, : len(across)] * _blur(along, across, doses, beyond)
-    whole *= pixel.plane((rows, columns), (x / fine, y / fine))
-    dose = fft.irfft2(whole, s=(rows, columns)) * fine**2
+        additional = np.sqrt(np.maximum(blurs**2 - pixel.blur_um**2, 0.0))
+        total += np.tile(spectrum, (fine, fine))[:, : len(kx)] * _blur_spectrum(kx, ky, doses, additional)
+    total *= pixel.plane((rows, columns), (x / fine, y / fine))
+    dose = fft.irfft2(total, s=(rows, columns)) * fine**2
     first = (image.corner_um[0] + x / 2, image.corner_um[1] + y / 2)
     return DoseMap(dose, first, (x / fine, y / fine), settings.Ec_mJ_per_cm2)
 
@@ -151,22 +151,23 @@ def fine_dose(
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     points = pixels * settings.pixel_light.fine**2
     if points > MAX_POINTS:
-        limit = f"the part with {_FAR:g} halo widths requires {points:.2g} grid points; the limit is {MAX_POINTS:.1g}"
+        size = f"the part and {_MARGIN_WIDTHS:g} halo widths around it require {points:.2g} grid points"
+        limit = f"is too large: {size}, more than {MAX_POINTS:.1g}"
         remedy = "use larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MAX_LAYERS:
-        limit = f"the part would have {layers:,} layers; the limit is {MAX_LAYERS:,}"
+        limit = f"is too small: the part would have {layers:,} layers, more than {MAX_LAYERS:,}"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Add the terms with the same blur."""
-    kinds, which = np.unique(sigma, return_inverse=True)
-    return np.asarray(np.bincount(which, dose), float), kinds
+    """Return doses and blurs, with the doses of equal blurs added."""
+    widths, index = np.unique(sigma, return_inverse=True)
+    return np.asarray(np.bincount(index, dose), float), widths
 
 
-def _blur(along: FloatArray, across: FloatArray, dose: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return the spectrum of a sum of Gaussians, each the product of a Gaussian along and a Gaussian across."""
-    first = np.exp(-0.5 * np.outer(sigma, along) ** 2) * dose[:, None]
-    second = np.exp(-0.5 * np.outer(sigma, across) ** 2)
-    return np.asarray(first.T @ second)
+def _blur_spectrum(kx: FloatArray, ky: FloatArray, dose: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the spectrum of a sum of Gaussians, each of which is the product of Gaussians along X and Y."""
+    along_y = np.exp(-0.5 * np.outer(sigma, ky) ** 2) * dose[:, None]
+    along_x = np.exp(-0.5 * np.outer(sigma, kx) ** 2)
+    return np.asarray(along_y.T @ along_x)

@@ -1,4 +1,4 @@
-"""Result of a predicted print: the printed lens, its walls, the entire part, and a profile for tracing."""
+"""Predicted print of a design: the printed lens, its walls, the entire part, and a profile for tracing."""
 
 from dataclasses import dataclass, field, replace
 
@@ -18,13 +18,13 @@ from solen.results import HIDDEN, Result, plain, reported
 from solen.sensor.print_loss import PrintLoss
 
 PROFILE_POINTS = 401
-NUMERICAL_UM = 0.1
-"""Numerical error of the model between neighbouring points."""
+U_NUMERICAL_UM = 0.1
+"""Standard uncertainty of a point due to the numerical error of the model."""
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """Layer ripple: along the thickness for a flat part, otherwise along the profile."""
+    """Ripple due to layers: along the thickness for a flat part, otherwise along the profile."""
 
     along: str
     peak_to_valley_um: float
@@ -33,12 +33,12 @@ class Ripple:
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Straight walls of a flat part, layer by layer.
+    """Straight walls of a part printed flat, layer by layer.
 
     Attributes
     ----------
     height_um, beyond_um
-        Mid-heights of the layers (n,), and the growth of a wall beyond its image at each, without shrinkage.
+        Mid-heights of the layers (n,), and the growth of a wall beyond its image at each of them, without shrinkage.
     """
 
     height_um: FloatArray = field(metadata=HIDDEN)
@@ -76,7 +76,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
-    """The entire part as printed flat, and its volume compared with the designed volume."""
+    """The entire part as printed flat, and its printed and designed volumes."""
 
     mesh: Mesh = field(metadata=HIDDEN)
     label: Label = field(metadata=HIDDEN)
@@ -100,24 +100,23 @@ class PrintedDesign(Result):
     lens
         The printed lens.
     phase
-        Selected position of the lens in its pixel, and the resulting improvement; None if it was not selected.
+        Best position of the lens in its pixel, and the improvement; None if it was not computed.
     deviation
-        Deviation from the designed lens, along its normal; positive for more material.
+        Deviation from the designed lens, along its normal; positive for additional material.
     u_rms_um, u_max_um
         Standard uncertainty of the deviation along the lens.
     shape
         Deviation after the best translation along z.
     ripple, walls
-        Layer ripple, and straight walls of a flat part.
+        Ripple due to layers, and straight walls of a part printed flat.
     contributions_um
-        Contribution of each uncertain parameter to the uncertainty, root mean square along the lens, in descending
-        order.
+        Contribution of each uncertain parameter to the uncertainty, RMS along the lens, in descending order.
     response
-        The loss of response; None if it was not traced.
+        Loss of response; None if it was not traced.
     compensation, compensated_response
-        The drawing that prints as designed, and the response with the lens printed from it.
+        Drawing that prints as designed, and loss of response with the lens printed from it; None without compensation.
     part
-        The entire printed part; None if it was not requested.
+        The entire printed part; None if it was not computed.
     sources, warnings
         Process file, and limits of the conclusions.
     """
@@ -146,7 +145,7 @@ class PrintedDesign(Result):
 
     @reported
     def cure_depth_um(self) -> float:
-        """Cure depth of the exposure of one normal layer."""
+        """Cure depth of one exposure of a normal layer."""
         return self.settings.cure_depth_um
 
     @reported
@@ -156,7 +155,7 @@ class PrintedDesign(Result):
 
     @property
     def profile(self) -> MeasuredProfile:
-        """Profile of the printed lens, in the form of a design's `[lens] profile`."""
+        """Profile of the printed lens, in the form of ``lens.profile`` of a design."""
         return self._profile(self.deviation)
 
     @property
@@ -173,17 +172,17 @@ def profile_of_print(
 ) -> MeasuredProfile:
     """Return the profile of a printed lens, marked as simulated.
 
-    Its ``u_mm`` is the uncertainty that varies from point to point. The uncertainty of the process, ``u_um``, moves all
-    points together and is reported in a warning: if it were treated as noise of individual points, the profile would be
-    smoothed away.
+    Its ``u_mm`` is the uncertainty that is independent from point to point. The uncertainty of the process, ``u_um``,
+    is common to all points and is reported in a warning: treated as noise of individual points, it would cause too much
+    smoothing of the profile.
     """
     points = deviation.points_mm
     chosen = np.unique(np.linspace(0, len(points) - 1, PROFILE_POINTS).round().astype(int))
-    x, z = _forwards(points[chosen]).T
+    x, z = _advancing(points[chosen]).T
     profile = profile_of(
         x,
         z,
-        1e-3 * NUMERICAL_UM,
+        1e-3 * U_NUMERICAL_UM,
         name=f"{name}, printed by the model",
         simulated=True,
         edge="predicted",
@@ -192,14 +191,14 @@ def profile_of_print(
     warnings = (
         warning(f"predicted by a print model ({process}), not measured"),
         warning(
-            f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, is common to all "
-            "points and not included in u_mm"
+            f"the uncertainty of the process, {u_um:.2g} µm RMS along the lens, is common to all points and not "
+            "included in u_mm"
         ),
     )
     return replace(profile, warnings=warnings)
 
 
-def _forwards(points: FloatArray) -> FloatArray:
-    """Return points (N, 2) without those that do not advance to the right of all previous points."""
-    highest = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
-    return points[points[:, 0] > highest + 1e-9]
+def _advancing(points: FloatArray) -> FloatArray:
+    """Return the points (N, 2) to the right of all previous points."""
+    rightmost = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
+    return points[points[:, 0] > rightmost + 1e-9]

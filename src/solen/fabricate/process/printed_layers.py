@@ -1,7 +1,7 @@
-"""Print of a lens that varies with height: its face layer by layer, and the gain that remains after printing.
+"""Print of a lens that varies with height: its face layer by layer, and the benefit that remains after printing.
 
-The cylinder with the same middle section is printed by the same model, so a table compares both as designed and as
-printed. Compensation changes the drawing of each layer; the walls next to the lens stay as designed.
+A cylindrical lens with the same middle section is printed by the same model, so that both are compared as designed and
+as printed. Compensation changes the drawing of each layer; the walls next to the lens remain as designed.
 
 `print_layers` returns `PrintedLayers`; `layer_files` returns the corresponding files.
 """
@@ -17,7 +17,7 @@ from solen.errors import SpecError
 from solen.fabricate.lens_parts import cut_for
 from solen.fabricate.process.compensation_files import LABEL, targets_of
 from solen.fabricate.process.face_print import FacePrint, PrintedFace
-from solen.fabricate.process.growth import uneven_um
+from solen.fabricate.process.growth import growth_range_um
 from solen.fabricate.process.predict import half_difference
 from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.settings import Settings
@@ -32,31 +32,32 @@ from solen.sensor.lens_responses import LensResponse, lens_responses
 from solen.sensor.sensor import NO_SHAPE_KEYS
 from solen.spec import Design, dumps, with_values
 
-SYMMETRIC_UM = 1.0
-"""Maximum difference by which the light of a pixel may move opposite walls."""
-MIDDLE_PIXELS = (0.0, 0.5)
-"""Positions in a pixel across the axis for which the left half mirrors the right half."""
+MAX_ASYMMETRY_UM = 1.0
+"""Maximum difference between the growths of walls that face in different directions."""
+SYMMETRIC_PHASES = (0.0, 0.5)
+"""Positions in a pixel along x for which the left half of the image mirrors the right half."""
 FARTHEST_PHASE = (0.5, 0.5)
-"""Position in the pixel farthest from a corner; the default is a corner."""
-WELL_KNOWN_UM = 3.0
-CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compensated"
+"""Position in a pixel farthest from the default, a corner."""
+MAX_U_UM = 3.0
+"""Maximum uncertainty of a compensated face without a warning."""
+CYLINDER, DESIGNED, PRINTED, COMPENSATED = "cylinder", "designed", "printed", "compensated"
 
 
 @dataclass(frozen=True)
 class LayerDeviation:
-    """Deviation of the wall of one layer from the designed wall, along its normal; positive for more material.
+    """Deviation of the wall of one layer from the designed wall, along its normal; positive for additional material.
 
     Attributes
     ----------
     layer
-        Layer number, starting with 1 on the build plate.
+        Number of the layer, counted from 1 at the build plate.
     height_mm
         Mid-height of the layer above the plate.
     rms_um, mean_um, largest_um, largest_x_mm
-        Statistics over half the wall, which the other half mirrors, and position of the largest deviation.
+        Statistics along half of the wall, which the other half mirrors, and position of the largest deviation.
     u_rms_um
-        Standard uncertainty due to the process, and to the position in the pixel if it is not specified; root mean
-        square along the wall.
+        Standard uncertainty, RMS along the wall, due to the process and to the position in the pixel if this is not
+        specified.
     """
 
     layer: int
@@ -69,7 +70,7 @@ class LayerDeviation:
 
 
 class PrintedLayers(Result):
-    """Prediction of a flat print of a lens that varies with height.
+    """Predicted print of a lens that varies with height.
 
     Attributes
     ----------
@@ -80,20 +81,19 @@ class PrintedLayers(Result):
     layers
         Number of layers.
     rms_um
-        Deviation of the entire printed face from the designed face, root mean square along the normals.
+        Deviation of the printed face from the designed face, RMS along the normals.
     deviations
-        Deviations of the first and last layers, one at mid-height and one at three quarters of the height.
+        Deviations of the first and the last layer, and of those at one half and three quarters of the height.
     compensated_rms_um, compensated_deviations, rounds_um
-        The same values for the compensated drawing, and the root mean square along z for each round; None without
-        compensation.
+        The same for the compensated drawing, and RMS deviation along z after each round; None without compensation.
     drawn_range_um
         Range of the displacement of the compensated drawing from the designed face, along z towards the emitter.
     responses
-        Contrast and light of cylinder and lens, designed and printed; empty if not traced.
+        Contrast and light of the cylinder and the lens, as designed and as printed; empty if not traced.
     sources, warnings
         Process file, and limits of the conclusions.
-    face, compensated, half_width_mm
-        The printed faces and the half width of the lens.
+    sensor, model, face, compensated
+        The designed sensor, the print model, and the printed faces; omitted from JSON.
     """
 
     name: str
@@ -119,11 +119,11 @@ class PrintedLayers(Result):
     @reported
     def remaining(self) -> dict[str, tuple[float, ...]]:
         """Contrast of each lens divided by that of the printed cylinder, for each angle; empty without responses."""
-        return {name: tuple(share.tolist()) for name, (share, _) in self._remaining.items()}
+        return {name: tuple(ratio.tolist()) for name, (ratio, _) in self._remaining.items()}
 
     @reported
     def u_remaining(self) -> dict[str, tuple[float, ...]]:
-        """Standard uncertainty of `remaining`, computed from both contrasts; 0 for the printed cylinder itself."""
+        """Standard uncertainty of `remaining`, from both contrasts; 0 for the printed cylinder itself."""
         return {name: tuple(u.tolist()) for name, (_, u) in self._remaining.items()}
 
     @property
@@ -132,21 +132,18 @@ class PrintedLayers(Result):
         base = next((response for response in self.responses if response.name == f"{CYLINDER}, {PRINTED}"), None)
         if base is None:
             return {}
-        below = np.where(base.contrast != 0.0, base.contrast, np.nan)
-        found = {}
+        divisor = np.where(base.contrast != 0.0, base.contrast, np.nan)
+        ratios = {}
         for response in self.responses:
-            share = response.contrast / below
-            u = (response.u_contrast + np.abs(share) * base.u_contrast) / np.abs(below)
-            found[response.name] = share, np.where(np.isfinite(share), 0.0, np.nan) if response is base else u
-        return found
+            ratio = response.contrast / divisor
+            u = (response.u_contrast + np.abs(ratio) * base.u_contrast) / np.abs(divisor)
+            ratios[response.name] = ratio, np.where(np.isfinite(ratio), 0.0, np.nan) if response is base else u
+        return ratios
 
     @property
     def profile(self) -> Profiles:
-        """Printed face, in the form of a layered lens's ``[lens] profile``."""
-        return self._profiles(self.face)
-
-    def _profiles(self, face: PrintedFace) -> Profiles:
-        return printed_profiles(self.model, face, self.name, self.process)
+        """Printed face, in the form of ``lens.profile`` of a layered lens."""
+        return printed_profiles(self.model, self.face, self.name, self.process)
 
 
 def print_layers(
@@ -158,27 +155,28 @@ def print_layers(
     part: bool = False,
     progress: Progress | None = None,
 ) -> PrintedLayers:
-    """Predict the print of a design whose lens varies with height.
+    """Return the predicted print of a design whose lens varies with height.
 
-    For the parameters and errors, see `solen.fabricate.process.print_design`.
+    For parameters and errors, see `solen.fabricate.process.print_design`.
     """
-    _check(options, part=part)
+    _check_options(options, part=part)
     process, sources = process_of(options)
     process = with_resin(process, sensor.design)
-    of_curve = curve_cautions(process, sensor.design)
-    cut = cut_for(sensor.design, process.process.layer_um)
-    sensor = sensor if cut is sensor.design else Sensor.of(cut)
-    _check_halves(process.process)
+    curve_warnings = curve_cautions(process, sensor.design)
+    design = cut_for(sensor.design, process.process.layer_um)
+    sensor = sensor if design is sensor.design else Sensor.of(design)
+    _check_symmetry(process.process)
     model = FacePrint.of(sensor.body(), process.process, options.phase_px or (0.0, 0.0))
     face = model.printed(part_of(progress, 0, 10, 3))
-    made = model.compensated(face, part_of(progress, 3, 10, 5)) if compensate else None
-    by_process = _u_um(model, process)
-    by_place = _u_by_place_um(model, face) if options.phase_px is None else dict.fromkeys(by_process, 0.0)
-    u_um = {layer: float(np.hypot(u, by_place[layer])) for layer, u in by_process.items()}
-    warnings = (*process.warnings(), *of_curve, *_of_face(sensor, model, made, by_process))
+    compensated = model.compensated(face, part_of(progress, 3, 10, 5)) if compensate else None
+    u_process_um = _u_process_um(model, process)
+    u_phase_um = _u_phase_um(model, face) if options.phase_px is None else dict.fromkeys(u_process_um, 0.0)
+    u_um = {layer: float(np.hypot(u, u_phase_um[layer])) for layer, u in u_process_um.items()}
+    warnings = (*process.warnings(), *curve_warnings, *_face_warnings(sensor, model, compensated, u_process_um))
     if options.phase_px is None:
-        warnings += (_of_place(by_place),)
-    drawn = None if made is None else 1e3 * (model.wanted - made.drawn)
+        warnings += (_phase_warning(u_phase_um),)
+    drawn_um = None if compensated is None else 1e3 * (model.intended - compensated.drawn)
+    faces = (face, compensated)
     return PrintedLayers(
         name=sensor.design.name,
         shape=sensor.lens.shape,
@@ -188,34 +186,33 @@ def print_layers(
         layers=model.layers,
         rms_um=face.rms_um,
         deviations=_deviations(model, face, u_um),
-        compensated_rms_um=None if made is None else made.rms_um,
-        compensated_deviations=() if made is None else _deviations(model, made, u_um),
-        rounds_um=None if made is None else made.rounds_um,
-        drawn_range_um=None if drawn is None else (float(drawn.min()), float(drawn.max())),
-        responses=_responses(sensor, model, face, made, process.name, part_of(progress, 8, 10, 2)) if response else (),
+        compensated_rms_um=None if compensated is None else compensated.rms_um,
+        compensated_deviations=() if compensated is None else _deviations(model, compensated, u_um),
+        rounds_um=None if compensated is None else compensated.rounds_um,
+        drawn_range_um=None if drawn_um is None else (float(drawn_um.min()), float(drawn_um.max())),
+        responses=_responses(sensor, model, *faces, process.name, part_of(progress, 8, 10, 2)) if response else (),
         sources=sources,
         warnings=warnings,
         sensor=sensor,
         model=model,
         face=face,
-        compensated=made,
+        compensated=compensated,
     )
 
 
-def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
-    """Return the files of a prediction: the printed layers, and the design that draws the compensated layers.
-
-    Raises `OutputError` if two of the files have the same path.
-    """
-    contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(made.profile).encode()}
-    if compensate is None or made.compensated is None:
+def layer_files(prediction: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
+    """Return the files of a prediction: the printed layers, and the design that draws the compensated layers."""
+    contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(prediction.profile).encode()}
+    model, compensated = prediction.model, prediction.compensated
+    if compensate is None or compensated is None:
         return contents
     drawn, printed = list(targets_of(compensate, "drawn").values())[1:]
-    caution = "drawn for a printer, not the intended shape: do not trace it, and do not compensate it again"
-    profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", caution)
-    text = f"# {warning}\n" + dumps(_drawn_design(made.sensor, drawn.name))
-    own = {compensate: text.encode(), drawn: layers_text(profiles).encode()}
-    return files.joined(contents, own, {printed: layers_text(made._profiles(made.compensated)).encode()})
+    caution = f"{LABEL}: do not trace it, and do not compensate it again"
+    drawing = f"# {caution.capitalize()}.\n{dumps(_drawn_design(prediction.sensor, drawn.name))}"
+    drawn_profiles = model.profiles(compensated.drawn, f"{prediction.name}, {LABEL}", caution)
+    profiles = printed_profiles(model, compensated, prediction.name, prediction.process)
+    contents |= {compensate: drawing.encode(), drawn: layers_text(drawn_profiles).encode()}
+    return contents | {printed: layers_text(profiles).encode()}
 
 
 def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
@@ -225,64 +222,66 @@ def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: st
 
 
 def _drawn_design(sensor: Sensor, layers: str) -> Design:
-    """Return a design for drawn layers: name, material, lens, body, and the seats that are cut from the body."""
-    old, lens = sensor.design, sensor.lens
+    """Return a design with drawn layers: name, material, lens, body and seats."""
+    original, lens = sensor.design, sensor.lens
     if not isinstance(lens, LensInSpace):
         raise TypeError(type(lens).__name__)
-    cut = {"focus_mm": lens.focus_mm, "half_width_mm": lens.half_width_mm, "design_index": lens.design_index}
+    numbers = {"focus_mm": lens.focus_mm, "half_width_mm": lens.half_width_mm, "design_index": lens.design_index}
     return Design(
-        name=f"{old.name}, {LABEL}",
+        name=f"{original.name}, {LABEL}",
         material={"index": sensor.material.index},
-        emitter={"distance_mm": old.emitter.distance_mm, "pattern": "lambertian"},
-        lens={"shape": "layered", "profile": layers} | cut,
-        body=old.body.model_dump(exclude_defaults=True),
+        emitter={"distance_mm": original.emitter.distance_mm, "pattern": "lambertian"},
+        lens={"shape": "layered", "profile": layers} | numbers,
+        body=original.body.model_dump(exclude_defaults=True),
         trace={"dimension": "extruded"},
-        fabricate=old.fabricate.model_dump(exclude_defaults=True),
+        fabricate=original.fabricate.model_dump(exclude_defaults=True),
     )
 
 
-def _check(options: PrintOptions, *, part: bool) -> None:
+def _check_options(options: PrintOptions, *, part: bool) -> None:
     """Raise `SpecError` if an option is not supported for a lens that varies with height."""
-    why = "is not supported for a lens that varies with height"
+    unsupported = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
-        limit = "a lens that varies with height is printed flat, with its layers parallel to the faces of the body"
+        limit = "must be flat for a lens that varies with height: its layers are parallel to the faces of the body"
         raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="omit it")
     if part:
-        raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
+        remedy = "export a layered design with the printed layers as lens.profile"
+        raise SpecError("--solid", limit=unsupported, remedy=remedy)
     if options.choose_phase:
-        raise SpecError("--choose-phase", limit=why, remedy="specify --phase-px")
+        raise SpecError("--choose-phase", limit=unsupported, remedy="specify --phase-px")
     if options.at != "middle":
-        raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="omit it")
-    if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
-        limit = "must be 0 or 0.5 across the axis for a lens that varies with height: its halves must print identically"
+        limit = f"{unsupported}, which is predicted at all heights"
+        raise SpecError("--at", value=options.at, limit=limit, remedy="omit it")
+    if options.phase_px is not None and options.phase_px[0] not in SYMMETRIC_PHASES:
+        limit = "must be 0 or 0.5 along x for a lens that varies with height, whose halves must print identically"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)
 
 
-def _check_halves(settings: Settings) -> None:
-    """Raise `SpecError` if the light of a pixel moves opposite walls differently, because only one half is modelled."""
-    least, most = uneven_um(settings)
-    if most - least > SYMMETRIC_UM:
-        raise SpecError(
-            "process.response",
-            value=f"wall displacements of {least:+.3g} to {most:+.3g} µm, depending on the side they face",
-            limit=f"must move all sides equally, within {SYMMETRIC_UM:g} µm, for a lens that varies with height",
-            remedy="specify a symmetric response, or its sigma_um",
+def _check_symmetry(settings: Settings) -> None:
+    """Raise `SpecError` if opposite walls grow differently, because only one half of the lens is modelled."""
+    low, high = growth_range_um(settings)
+    if high - low > MAX_ASYMMETRY_UM:
+        condition = f"the growth of walls must not depend on their direction by more than {MAX_ASYMMETRY_UM:g} µm"
+        limit = (
+            f"is too asymmetric for a lens that varies with height: {condition}, but is {low:+.3g} to {high:+.3g} µm"
         )
+        raise SpecError("process.response", limit=limit, remedy="specify a symmetric response, or sigma_um instead")
 
 
-def _shown(layers: int) -> list[int]:
-    """Return the numbers, starting with 0, of the layers whose deviations are reported."""
+def _reported_layers(layers: int) -> list[int]:
+    """Return the indices of the layers whose deviations are reported."""
     return sorted({0, layers // 2, (3 * layers) // 4, layers - 1})
 
 
-def _u_um(model: FacePrint, process: Process) -> dict[int, float]:
-    """Return the standard uncertainty of the reported layers due to the process, root mean square along the wall."""
+def _u_process_um(model: FacePrint, process: Process) -> dict[int, float]:
+    """Return the standard uncertainties of the reported layers due to the process, RMS along the wall."""
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
-    return {layer: _u_of_layer(model, process, layer, keys, scale, covariance) for layer in _shown(model.layers)}
+    layers = _reported_layers(model.layers)
+    return {layer: _u_layer_um(model, process, layer, keys, scale, covariance) for layer in layers}
 
 
-def _u_of_layer(
+def _u_layer_um(
     model: FacePrint, process: Process, layer: int, keys: tuple[str, ...], scale: FloatArray, covariance: FloatArray
 ) -> float:
     def printed(settings: Settings) -> FloatArray:
@@ -295,18 +294,17 @@ def _u_of_layer(
     return float(np.sqrt(np.mean(np.einsum("in,ij,jn->n", jacobian, covariance, jacobian))))
 
 
-def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
-    """Standard uncertainty of the reported layers due to the position in the pixel, as in `predict.predicted`."""
-    shown = _shown(model.layers)
-    moved = zip(shown, model.moved_um(face, shown, FARTHEST_PHASE), strict=True)
-    return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in moved}
+def _u_phase_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
+    """Return the standard uncertainties of the reported layers due to the position in the pixel, as in `predicted`."""
+    layers = _reported_layers(model.layers)
+    changes = zip(layers, model.changes_um(face, layers, FARTHEST_PHASE), strict=True)
+    return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in changes}
 
 
-def _of_place(u_um: dict[int, float]) -> Caution:
-    return warning(
-        f"--phase-px is not specified; 0,0 is assumed. Another position in the pixel changes the wall of a layer by "
-        f"{max(u_um.values()):.2g} µm rms; this is included in u_rms_um, but not in the response table"
-    )
+def _phase_warning(u_um: dict[int, float]) -> Caution:
+    change = f"another position in the pixel changes the wall of a layer by {max(u_um.values()):.2g} µm RMS"
+    text = f"--phase-px is not specified, and 0,0 is assumed: {change}"
+    return warning(f"{text}; this is included in u_rms_um, but not in the response table")
 
 
 def _deviations(model: FacePrint, face: PrintedFace, u_um: dict[int, float]) -> tuple[LayerDeviation, ...]:
@@ -324,58 +322,63 @@ def _responses(
     sensor: Sensor,
     model: FacePrint,
     face: PrintedFace,
-    made: PrintedFace | None,
+    compensated: PrintedFace | None,
     process: str,
     progress: Progress | None,
 ) -> tuple[LensResponse, ...]:
-    """Return the responses of cylinder and lens, designed and printed, and of the compensated lens if there is one."""
-    upright = Sensor.of(with_values(sensor.design, _upright(sensor)))
-    cylinder = FacePrint.of(upright.body(), model.settings, model.phase)
+    """Return the responses of the cylinder and the lens: designed, printed and, if applicable, compensated."""
+    cylinder_sensor = Sensor.of(with_values(sensor.design, _cylinder(sensor)))
+    cylinder = FacePrint.of(cylinder_sensor.body(), model.settings, model.phase)
     printed = cylinder.printed()
-    prints = {CYLINDER: (upright, cylinder, printed), sensor.lens.shape: (sensor, model, face)}
-    drawn = {} if made is None else {CYLINDER: cylinder.compensated(printed), sensor.lens.shape: made}
+    compensated_cylinder = None if compensated is None else cylinder.compensated(printed)
+    rows = (
+        (CYLINDER, cylinder_sensor, cylinder, printed, compensated_cylinder),
+        (sensor.lens.shape, sensor, model, face, compensated),
+    )
     sensors: dict[str, Sensor] = {}
-    for name, (own, one, plain) in prints.items():
-
-        def with_face(face: PrintedFace, own: Sensor = own, one: FacePrint = one) -> Sensor:
-            return replace(own, cut=one.lens_of(printed_profiles(one, face, own.design.name, process)))
-
-        sensors |= {f"{name}, {DESIGNED}": own, f"{name}, {PRINTED}": with_face(plain)}
-        if name in drawn:
-            sensors[f"{name}, {DRAWN}"] = with_face(drawn[name])
+    for name, designed, face_print, uncompensated, corrected in rows:
+        sensors[f"{name}, {DESIGNED}"] = designed
+        sensors[f"{name}, {PRINTED}"] = _with_face(designed, face_print, uncompensated, process)
+        if corrected is not None:
+            sensors[f"{name}, {COMPENSATED}"] = _with_face(designed, face_print, corrected, process)
     return lens_responses(sensors, progress=progress)
 
 
-def _upright(sensor: Sensor) -> dict[str, object]:
-    """Return the values of the same design with one profile over the entire body: the cylinder."""
+def _with_face(sensor: Sensor, model: FacePrint, face: PrintedFace, process: str) -> Sensor:
+    return replace(sensor, cut=model.lens_of(printed_profiles(model, face, sensor.design.name, process)))
+
+
+def _cylinder(sensor: Sensor) -> dict[str, object]:
+    """Return the design values of a cylindrical lens: layered, with a single layer."""
     values = NO_SHAPE_KEYS | {"lens.shape": "layered", "lens.profile": None}
     return values | {"lens.layer_mm": sensor.design.body.thickness_mm}
 
 
-def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: dict[int, float]) -> list[Caution]:
-    """Return the limits of the prediction for a face that varies with height."""
+def _face_warnings(
+    sensor: Sensor, model: FacePrint, compensated: PrintedFace | None, u_um: dict[int, float]
+) -> list[Caution]:
+    """Return the limits of the prediction of a face that varies with height."""
     worst = max(u_um.values())
     warnings = [
-        note("each layer has the wall at its mid-height; shrinkage along the height is ignored"),
+        note("each layer has the wall of its mid-height; shrinkage along the height is neglected"),
         note("the walls next to the lens are traced as designed"),
         warning(
-            f"the uncertainty of the process is up to {worst:.2g} µm for the wall of a layer; the response "
-            "table excludes it"
+            f"the uncertainty of the process is up to {worst:.2g} µm for the wall of a layer; it is not included in "
+            "the response table"
         ),
     ]
     layer_mm = sensor.design.lens.layer_mm
-    printers_mm = 1e-3 * model.settings.layer_um
-    if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
-        warnings.append(warning(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of {printers_mm:g} mm"))
+    printed_mm = 1e-3 * model.settings.layer_um
+    if layer_mm is not None and not np.isclose(layer_mm, printed_mm):
+        warnings.append(warning(f"lens.layer_mm is {layer_mm:g}, but the process prints layers of {printed_mm:g} mm"))
     last_mm = float(model.edges_mm[1] - model.edges_mm[0])
-    if not np.isclose(last_mm, printers_mm):
-        count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"
-        warnings.append(warning(f"{count} and one of {last_mm:.3g} mm, which is exposed like a full layer"))
-    if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
-        warnings.append(
-            do_not_use(
-                f"after compensation, the face deviates by {made.rms_um:.2g} µm in the model, whose uncertainty is "
-                f"{worst:.2g} µm: calibrate the process with coupons from your printer before you rely on the drawing"
-            )
-        )
+    if not np.isclose(last_mm, printed_mm):
+        layers = f"{model.layers - 1} layers of {printed_mm:g} mm and one of {last_mm:.3g} mm"
+        text = f"the thickness of {sensor.design.body.thickness_mm:g} mm is divided into {layers}"
+        warnings.append(warning(f"{text}, which is exposed like a full layer"))
+    if compensated is not None and worst > max(2.0 * compensated.rms_um, MAX_U_UM):
+        rms_um = compensated.rms_um
+        text = f"the compensated face deviates by {rms_um:.2g} µm in the model, whose uncertainty is {worst:.2g} µm"
+        remedy = "before you use the drawing, calibrate the process with coupons from your printer"
+        warnings.append(do_not_use(f"{text}: {remedy}"))
     return warnings

@@ -1,8 +1,8 @@
-"""A target face for comparison with a print: equidistant points, normals, and zeros of a field along them.
+"""A target face with which a print is compared: equidistant points, their normals, and zeros of a field along these.
 
 A deviation is measured along the normal of the designed face; it is positive for excess material and negative for
-missing material. The field of a print model (dose above the critical dose) is evaluated along the normals from inside
-to outside, and its first zero is the printed wall.
+missing material. A print model has a field that is positive in cured resin (the logarithm of dose over critical dose);
+along a normal from the inside to the outside, its first zero is the printed wall.
 
 `Target.of` samples a face, `exits_um` finds the zeros of a field, and `Deviation` is the result.
 """
@@ -22,10 +22,11 @@ from solen.results import HIDDEN, reported
 Field = Callable[[FloatArray], FloatArray]
 """Function of points (..., 2) in mm that is positive in cured resin."""
 
-_DENSE = 4001
+_LENGTH_POINTS = 4001  # with which the length along a face is computed
 _BISECTIONS = 30
-_AT_ONCE = 2_000_000  # points evaluated at a time
+_BATCH = 2_000_000  # points evaluated at a time
 FIRST_REACH_UM, MAX_REACH_UM = 200.0, 1600.0
+"""First and maximum distance from the target at which a wall is searched for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Target:
     Attributes
     ----------
     points_mm
-        Shape (N, 2), uniformly spaced along the face, in its direction.
+        Shape (N, 2), equidistant along the face, in its direction.
     outward
         Unit normals (N, 2) away from the material.
     along_mm
@@ -52,18 +53,18 @@ class Target:
     @classmethod
     def of(cls, curve: Curve, points: int) -> "Target":
         """Return points of a face with the material on its left."""
-        u = np.linspace(0.0, 1.0, _DENSE)
+        u = np.linspace(0.0, 1.0, _LENGTH_POINTS)
         dense = curve.points(u)
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
-        even = np.interp(np.linspace(0.0, length[-1], points), length, u)
-        even[0], even[-1] = 0.0, 1.0
-        tangent = curve.velocities(even)
+        parameters = np.interp(np.linspace(0.0, length[-1], points), length, u)
+        parameters[0], parameters[-1] = 0.0, 1.0
+        tangent = curve.velocities(parameters)
         tangent /= np.hypot(*tangent.T)[:, None]
         outward = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-        return cls(curve.points(even), outward, np.interp(even, u, length), curve.middle_point)
+        return cls(curve.points(parameters), outward, np.interp(parameters, u, length), curve.middle_point)
 
-    def moved_um(self, offset_um: FloatArray) -> FloatArray:
-        """Return points (N, 2) in mm displaced by (N,) along the normals."""
+    def displaced(self, offset_um: FloatArray) -> FloatArray:
+        """Return the points (N, 2), displaced along the normals by offsets (N,)."""
         return np.asarray(self.points_mm + 1e-3 * np.asarray(offset_um)[:, None] * self.outward)
 
 
@@ -77,7 +78,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
     target
         The target face.
     step_um
-        Step of the first search along the normals; two sign changes within one step are missed.
+        Step of the search along the normals; two sign changes within one step are missed.
 
     Raises
     ------
@@ -90,57 +91,52 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
         if not np.isnan(exits).any():
             return exits
         if reach >= MAX_REACH_UM:
-            _refuse(target, exits)
+            raise _no_wall(target, exits)
         reach *= 2.0
 
 
 def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> FloatArray:
-    """Return zeros within a reach; NaN where the field is not positive inside and negative outside."""
+    """Return the zeros within a distance of the target; NaN if there is none."""
     t = np.arange(-reach_um, reach_um + step_um, step_um)
     low, high = np.full((2, len(target.points_mm)), np.nan)
-    some = max(1, _AT_ONCE // len(t))
-    for first in range(0, len(low), some):
-        part = slice(first, first + some)
-        places = target.points_mm[part, None] + 1e-3 * t[:, None] * target.outward[part, None]
-        is_set = field(places) > 0.0
-        leaves = is_set[:, :-1] & ~is_set[:, 1:]
-        # resin that sets again far outside is another wall; unset resin far inside is behind the part
-        near = np.argmax(leaves, axis=1)
-        has = leaves.any(axis=1)
-        low[part], high[part] = np.where(has, t[near], np.nan), np.where(has, t[near + 1], np.nan)
+    size = max(1, _BATCH // len(t))
+    for start in range(0, len(low), size):
+        batch = slice(start, start + size)
+        points = target.points_mm[batch, None] + 1e-3 * t[:, None] * target.outward[batch, None]
+        is_cured = field(points) > 0.0
+        exits = is_cured[:, :-1] & ~is_cured[:, 1:]
+        # cured resin far outside is another wall, and uncured resin far inside is behind the part
+        first, has_exit = np.argmax(exits, axis=1), exits.any(axis=1)
+        low[batch], high[batch] = np.where(has_exit, t[first], np.nan), np.where(has_exit, t[first + 1], np.nan)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        inside = field(target.moved_um(np.nan_to_num(middle))) > 0.0
+        inside = field(target.displaced(np.nan_to_num(middle))) > 0.0
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return np.asarray(0.5 * (low + high))
 
 
-def _refuse(target: Target, exits: FloatArray) -> None:
-    place = target.points_mm[int(np.flatnonzero(np.isnan(exits))[0])]
-    raise DataError(
-        "printed lens",
-        value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
-        limit=f"the print has no wall within {MAX_REACH_UM:g} µm of the target face: it receives "
-        "too little or too much light",
-        remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
-    )
+def _no_wall(target: Target, exits: FloatArray) -> DataError:
+    x, z = target.points_mm[int(np.flatnonzero(np.isnan(exits))[0])].tolist()
+    limit = f"has no wall within {MAX_REACH_UM:g} µm of the designed lens at x = {x:.3g}, z = {z:.3g} mm"
+    remedy = "check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process"
+    return DataError("printed lens", limit=f"{limit}: the dose is too low or too high", remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Deviation of a printed face from the target along its normal, ``um`` (N,), positive for excess material."""
+    """Deviation of a printed face from the target, ``um`` (N,) along the normals, positive for excess material."""
 
     target: Target = field(metadata=HIDDEN)
     um: FloatArray = field(metadata=HIDDEN)
 
     @reported
     def rms_um(self) -> float:
-        """Root mean square over the length of the face."""
+        """RMS along the face."""
         return float(np.sqrt(np.mean(self.um**2)))
 
     @reported
     def mean_um(self) -> float:
-        """Mean over the length of the face."""
+        """Mean along the face."""
         return float(np.mean(self.um))
 
     @reported
@@ -150,7 +146,7 @@ class Deviation:
 
     @reported
     def largest_at_mm(self) -> Point:
-        """Position (x, z) of the largest deviation on the target face."""
+        """Position (x, z) of the largest deviation, on the target face."""
         x, z = self.target.points_mm[self._worst].tolist()
         return x, z
 
@@ -161,11 +157,11 @@ class Deviation:
     @cached_property
     def shifted(self) -> tuple[float, "Deviation"]:
         """Translation along z in µm that minimises the deviation of the printed face, and the remaining form error."""
-        lean = self.target.outward[:, 1]
-        shift = -float(self.um @ lean / (lean @ lean))
-        return shift, Deviation(self.target, self.um + shift * lean)
+        cosine = self.target.outward[:, 1]
+        shift = -float(self.um @ cosine / (cosine @ cosine))
+        return shift, Deviation(self.target, self.um + shift * cosine)
 
     @property
     def points_mm(self) -> FloatArray:
         """Points of the printed face, (N, 2)."""
-        return self.target.moved_um(self.um)
+        return self.target.displaced(self.um)

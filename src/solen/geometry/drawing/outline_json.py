@@ -12,7 +12,7 @@ from solen.errors import DataError
 from solen.files import read_text
 from solen.geometry.drawing.model import Drawing, DrawnEmitter, Stroke, face_name
 from solen.plane import Point
-from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
+from solen.spec.objects import CURVES, build, build_kind, check_keys, parse_json, value_of
 
 VERSION = 1
 
@@ -24,7 +24,7 @@ def read_json(path: Path, units: str | None) -> Drawing:
         raise DataError(
             "body.units", value=units, limit="does not apply: an outline in JSON is in mm", remedy="omit it"
         )
-    data = parsed(read_text(path, DataError), where)
+    data = parse_json(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
         raise DataError(where, limit="not a solen outline: the key solen_outline is missing")
     check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
@@ -36,7 +36,7 @@ def read_json(path: Path, units: str | None) -> Drawing:
     points = value_of(dict[str, Point], data.get("points", {}), f"{where}: points")
     return Drawing(
         tuple(_stroke(face, f"{where}: faces[{i}]", i) for i, face in enumerate(faces)),
-        tuple(made(DrawnEmitter, emitter, f"{where}: emitters[{i}]") for i, emitter in enumerate(emitters)),
+        tuple(build(DrawnEmitter, emitter, f"{where}: emitters[{i}]") for i, emitter in enumerate(emitters)),
         tuple(points.items()),
     )
 
@@ -53,4 +53,4 @@ def _stroke(data: dict[str, Any], where: str, number: int) -> Stroke:
     name = value_of(str, data["name"], f"{where}: name")
     if not isinstance(data["curve"], dict):
         raise DataError(f"{where}: curve", limit="must be an object with a kind")
-    return Stroke(face_name(name), untagged(data["curve"], CURVES, f"{where}: curve"), f"face {number} ({name})")
+    return Stroke(face_name(name), build_kind(data["curve"], CURVES, f"{where}: curve"), f"face {number} ({name})")

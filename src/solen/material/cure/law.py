@@ -20,7 +20,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.material.cure.spectral import ONE_LINE, Lines, depth, left
-from solen.spec.objects import parsed
+from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Positive, Strict, error_context
 
 
@@ -96,7 +96,7 @@ class CureFile(Strict):
 
 def read_law(path: Path) -> CureFile:
     """Read the working curve from a file; `DataError` if the file contains none."""
-    data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
+    data = parse_json(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
         limit = "is not a working curve"
         raise DataError(str(path), limit=limit, remedy="write it with solen resin cure --out")

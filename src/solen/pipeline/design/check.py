@@ -1,4 +1,4 @@
-"""Checks of a design, and its lens with the profile as a table."""
+"""Checks of a design, and a description of its lens."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,12 +15,12 @@ from solen.trace.described import SceneCheck, open_scene, scene_check
 
 
 def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | SceneCheck]:
-    """Check that a design can be built at every angle of its motion, or that a scene can be traced.
+    """Check that a design is valid at all angles or loads, or that a scene can be traced.
 
     Parameters
     ----------
     file
-        The design file, or a scene in JSON, as solen or ray-optics writes it.
+        The design file, or a scene (.json) of solen or ray-optics.
     """
     if is_scene(file, {"--set": set_ and set_[0]}):
         return Outcome(scene_check(open_scene(file, facets=True)))
@@ -38,17 +38,17 @@ def lens(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     force: Force = False,
 ) -> Outcome[LensCheck]:
-    """Show the lens of a design: shape, acceptance, magnification, and focus in its material.
+    """Describe the lens of a design: shape, acceptance, magnification, and focus in its material.
 
     Parameters
     ----------
     file
         The design file.
     csv
-        Write the profile as a table of x and z in mm (x, y and z if the lens varies with height).
+        Write the profile as a table of x and z in mm (x, y and z for a lens that varies with height).
     """
     figure.check()
     check_table(csv, "a profile", file, force=force)
     sensor = Sensor.of(open_design(file, set_))
-    table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
-    return write(lens_check(sensor), "lens", None, table, figure=figure)
+    further = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
+    return write(lens_check(sensor), "lens", None, further, figure=figure)

@@ -1,10 +1,10 @@
-"""Export of a design: its solid and drawings, written into one folder after everything has been computed."""
+"""Export of a design: its solid and drawings, written to a folder after all of them have been computed."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from solen import files
-from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, cut_for, exported_solid
+from solen.fabricate import DEFAULT_FORMATS, FORMATS, Export, ExportedSolid, cut_for, exported_solid
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
@@ -28,26 +28,26 @@ def export(
     slicing: Slicing | None = None,
     progress: Progress | None = None,
 ) -> Outcome[ExportedSolid]:
-    """Write a design's solid and drawings into a folder.
+    """Write the solid and the drawings of a design to a folder.
 
     Parameters
     ----------
     design
-        The design or its file; the written files have its name.
+        The design or its file; the files are named after it.
     out
-        Folder for the files, created if missing; files of the same names are replaced.
+        Folder for the files, created if missing; existing files of the same names are replaced.
     formats
-        Some of `FORMATS`; default: `USUAL`, or with ``slicing`` none.
+        Keys of `FORMATS`; default: `DEFAULT_FORMATS`, or none with ``slicing``.
     assignments
         ``key=value`` assignments to the design.
     tolerance_mm
-        Largest distance of a mesh from the exact walls.
+        Maximum distance of a mesh from the exact walls.
     figure
-        Draw the solid into this file.
+        File and style of a figure of the solid.
     slicing
-        Also cut the part into layers.
+        Options of layers, if these are written too.
     progress
-        Called with the completed share of the layers.
+        Called with the completed fraction of the layers.
 
     Raises
     ------
@@ -55,24 +55,24 @@ def export(
         If the design cannot be built, an extra is missing, or a file cannot be written; then nothing is written.
     """
     figure.check()
-    chosen = [kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ()))]
-    for kind in chosen:
+    kinds = [kind for kind in FORMATS if kind in (formats or (DEFAULT_FORMATS if slicing is None else ()))]
+    for kind in kinds:
         FORMATS[kind].needs()
-    part = design if isinstance(design, Design) else open_design(design, assignments)
-    part = part if slicing is None else cut_for(part, slicing.layer_um)
-    path = Path(f"{part.name}.toml") if isinstance(design, Design) else design
-    made = Export(part, Sensor.of(part).body(), tolerance_mm)
+    sensor = design if isinstance(design, Design) else open_design(design, assignments)
+    sensor = sensor if slicing is None else cut_for(sensor, slicing.layer_um)
+    path = Path(f"{sensor.name}.toml") if isinstance(design, Design) else design
+    solid = Export(sensor, Sensor.of(sensor).body(), tolerance_mm)
     stem = stem_of(path)
     with files.output_folder(out):
-        targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure.figure)
-        contents: dict[Path, files.Content] = {targets[kind]: FORMATS[kind].write(made) for kind in chosen}
-        contents |= drawn(made, figure, "solid")
+        targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in kinds}, figure.figure)
+        contents: dict[Path, files.Content] = {targets[kind]: FORMATS[kind].write(solid) for kind in kinds}
+        contents |= drawn(solid, figure, "solid")
         layers = None
         if slicing is not None:
-            printable = printable_design(part, made.part, path, slicing)
+            printable = printable_design(sensor, solid.part, path, slicing)
             layers = layer_files(printable, slicing, out, stem, FigureOptions(), progress)
             targets |= layers.targets
             contents |= layers.contents()
-        check_sources(contents, [path, *part.files.values()])
+        check_sources(contents, [path, *sensor.files.values()])
         files.write_all(contents)
-    return Outcome(exported_solid(made, chosen, None if layers is None else layers.result), targets)
+    return Outcome(exported_solid(solid, kinds, None if layers is None else layers.result), targets)

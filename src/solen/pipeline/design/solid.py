@@ -1,4 +1,4 @@
-"""`solen export`: the formats to write, as options of a command."""
+"""`solen export`: the formats as options of a command."""
 
 from pathlib import Path
 from typing import Annotated
@@ -36,41 +36,41 @@ def export(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[ExportedSolid]:
-    """Write the solid and the drawings of a sensor, in mm; default formats: STL and 3MF.
+    """Write the solid and the drawings of a sensor in mm; default formats: STL and 3MF.
 
     Parameters
     ----------
     file
-        The design file; the written files have its name.
+        The design file; the written files are named after it.
     out
         Folder for the files; created if missing.
     step
         Exact solid with B-splines, for CAD programs (requires the extra cad).
     stl
-        Mesh for printers, binary.
+        Binary mesh for printers.
     threemf
-        Mesh for printers, with its unit and name.
+        Mesh for printers, with unit and name.
     glb
         Mesh for viewers.
     dxf
         Drawing of the outline, with a layer for each face (requires the extra dxf).
     comsol
-        Points as text, for COMSOL's interpolation curves (sectionwise).
+        Points in sectionwise format, for interpolation curves of COMSOL.
     svg
         Drawing of the outline, with a named path for each face.
     layers
-        Layer images for a printer, with STL and settings for its software; options as for solen print layers.
+        Layer images for a printer, with STL and settings; options as for solen print layers.
     thickness_mm
-        Replaces body.thickness_mm.
+        Thickness in mm instead of body.thickness_mm.
     tolerance_mm
-        Largest distance of a mesh from the exact walls in mm, 1e-4 to 1.
+        Maximum distance of a mesh from the exact walls in mm, 1e-4 to 1.
     """
-    asked = {"step": step, "stl": stl, "3mf": threemf, "glb": glb, "dxf": dxf, "comsol": comsol, "svg": svg}
+    selected = {"step": step, "stl": stl, "3mf": threemf, "glb": glb, "dxf": dxf, "comsol": comsol, "svg": svg}
     thickness = [] if thickness_mm is None else [f"body.thickness_mm={thickness_mm}"]
     assignments = [*(set_ or ()), *seats.assignments, *thickness]
-    formats = tuple(kind for kind, wanted in asked.items() if wanted)
+    formats = tuple(kind for kind, is_selected in selected.items() if is_selected)
     if slicing is not None and not layers:
-        raise SpecError("options of layers", limit="do not apply without --layers", remedy="add --layers")
+        raise SpecError("--layers", limit="missing: required with options of layers", remedy="add it")
     return pipeline.export(
         file,
         out,

@@ -1,4 +1,4 @@
-"""Printer calibration: measured features as input, a process file and a figure as output."""
+"""Calibration of a printer: measured features as input, a process file and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,14 +30,14 @@ def calibrate(
     force: Force = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrinterCalibration]:
-    """Fit a printer's blur, edge growth and shrinkage to measured coupons, for solen print predict.
+    """Fit the blur, edge growth and shrinkage of a printer to measured coupons, for solen print predict.
 
     Parameters
     ----------
     features
         Files of measured features (JSON), written by solen print fidelity --out.
     process
-        Process with which the coupons were printed, as far as known; default: the published settings.
+        The process with which the coupons were printed, as far as known; default: the published settings.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def calibrate(
     check_ending(out, "a process", ".toml")
     check_new(out, force=force)
     if not features:
-        raise DataError("coupons", limit="no file of features", remedy="name one or more")
-    before = default_process() if process is None else read_process(process)
+        raise DataError("features", limit="missing", remedy="specify a file of solen print fidelity --out")
+    prior = default_process() if process is None else read_process(process)
     name = ", ".join(dict.fromkeys(path.name for path in features))
-    fit = calibrated(before, [read_features(path) for path in features], name)
+    fit = calibrated(prior, [read_features(path) for path in features], name)
     contents = drawn(fit, figure, "calibration")
     if out is not None:
         contents[out] = toml_bytes(process_text(fit.process), "print calibrate")

@@ -1,4 +1,4 @@
-"""Coupons: solids, jobs and plans in one folder, written after everything has been computed."""
+"""Coupons: solids, jobs and plans, written to a folder after all of them have been computed."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def coupons(
     output: Annotated[CouponOutput, FLAT] = CouponOutput(),
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[CouponSet]:
-    """Write coupons that test a printer and a resin: STL, 3MF, plan and job of each.
+    """Write coupons that test a printer and a resin: an STL file, a 3MF file, a plan and a job of each.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def coupons(
         Coupons to write, separated by commas: group-a, group-b, group-c, holes, z-reference, cure-discs, grey-steps,
         ledges, film-layer, cubes, guides.
     listing
-        List the coupons and the assumptions about their source; write nothing.
+        List the coupons and the assumptions about the published text; write nothing.
 
     Raises
     ------
@@ -45,11 +45,11 @@ def coupons(
     if listing:
         return Outcome(coupon_set(only, options))
     if out is None:
-        raise SpecError("--out", limit="is missing", remedy="name a folder, or use --list to list the coupons")
+        raise SpecError("--out", limit="missing", remedy="specify a folder, or --list to list the coupons")
     figure.check()
-    laid_out, made = written_coupons(only, options, output)
+    result, contents_by_name = written_coupons(only, options, output)
     with files.output_folder(out):
-        targets = with_figure({name: out / name for name in made}, figure.figure)
-        contents: dict[Path, files.Content] = {targets[name]: content for name, content in made.items()}
-        files.write_all(contents | drawn(laid_out, figure, "coupons"))
-    return Outcome(laid_out, targets)
+        targets = with_figure({name: out / name for name in contents_by_name}, figure.figure)
+        contents: dict[Path, files.Content] = {targets[name]: data for name, data in contents_by_name.items()}
+        files.write_all(contents | drawn(result, figure, "coupons"))
+    return Outcome(result, targets)

@@ -1,4 +1,4 @@
-"""Transmission of grey pixels: a table of discs as input, a process file as output."""
+"""Light of grey pixels: a table of discs as input, a process file as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -28,31 +28,31 @@ def grey(
     process: Path | None = None,
     sheet: str | None = None,
     out: Annotated[
-        Path | None, Parameter(name="--out", help="Write the process with the grey levels to this .toml.")
+        Path | None, Parameter(name="--out", help="Write the process with the grey response to this .toml.")
     ] = None,
     force: Force = False,
 ) -> Outcome[MeasuredGreys]:
-    """Measure the transmission of grey pixels, from discs of the coupon grey-steps.
+    """Measure the light of grey pixels with discs of the grey-steps coupon.
 
     Parameters
     ----------
     file
         A table of grey levels (fractions, % or 0 to 255) and thicknesses of discs cured in the same exposure.
     process
-        Process to which the grey levels are added, and whose Dp converts thickness to light; default: the published
-        settings.
+        The process to which the grey response is added, and whose Dp converts thickness to light; default: the
+        published settings.
     sheet
         Sheet of a workbook.
 
     Raises
     ------
     SolenError
-        If a file cannot be read, or the discs do not determine the curve; then nothing is written.
+        If a file cannot be read, or the discs do not determine the response; then nothing is written.
     """
     check_ending(out, "a process", ".toml")
     check_new(out, force=force)
-    before = default_process() if process is None else read_process(process)
-    found = measured_greys(read(file, sheet=sheet), before, options)
+    prior = default_process() if process is None else read_process(process)
+    result = measured_greys(read(file, sheet=sheet), prior, options)
     if out is not None:
-        files.write_bytes(out, toml_bytes(process_text(found.process), "print grey"))
-    return Outcome(found, named(out=out))
+        files.write_bytes(out, toml_bytes(process_text(result.process), "print grey"))
+    return Outcome(result, named(out=out))

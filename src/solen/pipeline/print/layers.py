@@ -1,7 +1,7 @@
-"""Layers of a part: a design or a mesh as input; layer images, STL, settings and a figure as output.
+"""Layers of a part: a design, a coupon job or a mesh as input; layer images, STL, settings and a figure as output.
 
-Images are written one by one into an archive under a temporary name. Overview sheet, STL and figure follow, and
-either all files are renamed to their final names or none.
+Images are written one after the other into a file with a temporary name, followed by the other files; then either all
+files are renamed or none.
 """
 
 import json
@@ -21,8 +21,8 @@ from solen.fabricate.layers import (
     Slicing,
     Stack,
     as_sheet,
-    checked_for_goo,
     layered_print,
+    lift_of,
     printable_design,
     printable_mesh,
     write_archive,
@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """Files of a job, written in the order of `contents`: images come first, because the other files report on them."""
+    """Files of a job, written in the order of `contents`: images first, as the others contain their statistics."""
 
     job: Job
     part: Printable
@@ -53,19 +53,19 @@ class LayerFiles:
     stack: Stack | None = None
 
     def contents(self) -> dict[Path, files.Content]:
-        """Return the content of each file."""
-        makers: dict[str, files.Content] = {
+        """Return the contents of the files."""
+        writers: dict[str, files.Content] = {
             "layers": self._write_images,
             "placed": self.part.write_stl,
             "sheet": lambda path: path.write_bytes(as_sheet(self.result.settings, self.result.warnings).encode()),
             "settings": lambda path: path.write_bytes(self._settings()),
         }
-        contents = {self.targets[kind]: make for kind, make in makers.items() if kind in self.targets}
+        contents = {self.targets[kind]: write for kind, write in writers.items() if kind in self.targets}
         return contents | drawn(self.result, self.figure, "layers")
 
     @property
     def result(self) -> LayeredPrint:
-        """The numbers of the job."""
+        """The result of the job, with the statistics of the images if they have been written."""
         return layered_print(self.job, self.part, self.targets["placed"].name, self.stack)
 
     def _write_images(self, path: Path) -> None:
@@ -93,17 +93,16 @@ def layers(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[LayeredPrint]:
-    """Cut a design, a coupon's job or a mesh into anti-aliased layers for a printer, with STL and settings.
+    """Slice a design, the job of a coupon or a mesh into anti-aliased layers for a printer, with STL and settings.
 
     Parameters
     ----------
     file
-        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); the written files have its
-        name.
+        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); the files are named after it.
     out
         Folder for the files; created if missing.
     run
-        The run to prepare, for a coupon printed in several runs: base or layer of film-layer.
+        The run of a coupon that is printed in several runs: base or layer of film-layer.
 
     Raises
     ------
@@ -113,54 +112,56 @@ def layers(
     figure.check()
     assignments = [*(set_ or ()), *seats.assignments]
     if figure.figure is not None and slicing.sheet_only:
-        raise SpecError("--figure", limit="draws layers, but --sheet-only makes none", remedy="leave one of them out")
-    if file.suffix.lower() != ".json":
-        slicing = exposed_as_printed(slicing)
-    sources = files_read(slicing.process, slicing.cure)
-    if file.suffix.lower() == ".toml":
-        design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
-        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
-        sources += design.files.values()
-    elif assignments:
-        raise SpecError("--set", value=assignments[0], limit="applies to a design only")
-    elif file.suffix.lower() == ".json":
+        limit = "cannot be combined with --sheet-only, which writes no layers"
+        raise SpecError("--figure", limit=limit, remedy="omit one of them")
+    kind = file.suffix.lower()
+    if assignments and kind != ".toml":
+        raise SpecError("--set", value=assignments[0], limit="applies to designs only", remedy="omit it")
+    if run is not None and kind != ".json":
+        raise SpecError("--run", value=run, limit="applies to jobs of coupons only", remedy="omit it")
+    sources = [file, *files_read(slicing.process, slicing.cure)]
+    if kind == ".json":
         part, slicing = printable_coupon(file, slicing, run)
     else:
-        part = printable_mesh(file, slicing)
-    if run is not None and file.suffix.lower() != ".json":
-        raise SpecError("--run", value=run, limit="applies to the job of a coupon only", remedy="leave it out")
-    stem = part.label.name if file.suffix.lower() == ".json" else stem_of(file)
+        slicing = with_process_defaults(slicing)
+        if kind == ".toml":
+            design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
+            sources += design.files.values()
+            part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
+        else:
+            part = printable_mesh(file, slicing)
+    stem = part.label.name if kind == ".json" else stem_of(file)
     with files.output_folder(out):
-        made = layer_files(part, slicing, out, stem, figure, progress)
-        check_sources(made.targets.values(), [file, *sources])
-        files.write_all(made.contents())
-    return Outcome(made.result, made.targets)
+        job_files = layer_files(part, slicing, out, stem, figure, progress)
+        check_sources(job_files.targets.values(), sources)
+        files.write_all(job_files.contents())
+    return Outcome(job_files.result, job_files.targets)
 
 
-def printed_by(slicing: Slicing) -> Process | None:
-    """Return the process for a slicing, with the specified working curve; None if neither is specified."""
+def process_for(slicing: Slicing) -> Process | None:
+    """Return the process of slicing options, with their working curve; None if they specify neither."""
     if slicing.process is None and slicing.cure is None:
         return None
     return process_of(ProcessOptions(process=slicing.process, cure=slicing.cure))[0]
 
 
-def exposed_as_printed(slicing: Slicing) -> Slicing:
-    """Return slicing options with the layer heights and exposures of their process."""
-    process = None if slicing.process is None else printed_by(slicing)
-    return slicing if process is None else slicing.exposed_as(process.process)
+def with_process_defaults(slicing: Slicing) -> Slicing:
+    """Return slicing options with the layer thickness and exposures of their process."""
+    process = None if slicing.process is None else process_for(slicing)
+    return slicing if process is None else slicing.with_defaults_of(process.process)
 
 
 def layer_files(
     part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress | None
 ) -> LayerFiles:
-    """Check a job and return it with the names of its files."""
-    process = printed_by(slicing)
+    """Check a job, and return it with the paths of its files."""
+    process = process_for(slicing)
     greys = Greys() if process is None else process.greys
     job = Job(part.solid, printer_of(slicing.printer), slicing, greys, process)
     if slicing.format == "goo":
-        checked_for_goo(job)
-    layers = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]
-    endings = {"layers": layers, "placed": "-placed.stl", "sheet": "-settings.md", "settings": "-settings.json"}
+        lift_of(job)
+    images = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]
+    endings = {"layers": images, "placed": "-placed.stl", "sheet": "-settings.md", "settings": "-settings.json"}
     if slicing.sheet_only:
         del endings["layers"]
     targets = {kind: out / f"{stem}{ending}" for kind, ending in endings.items()}
@@ -168,7 +169,7 @@ def layer_files(
 
 
 def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path]:
-    """Add the requested figure to the files of a command; raise `OutputError` if it is one of them already."""
+    """Add the requested figure to the files of a command; raise `OutputError` if it is already one of them."""
     if figure is None:
         return targets
     if figure.resolve() in {target.resolve() for target in targets.values()}:

@@ -21,7 +21,7 @@ from solen.fabricate.process import (
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import FLAT, ProgressBar, Set
-from solen.pipeline.outputs import check_ending, check_outputs, check_sources, drawn, named
+from solen.pipeline.outputs import check_different, check_ending, check_outputs, check_sources, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
@@ -36,7 +36,9 @@ def predict(
     solid: Path | None = None,
     response: Annotated[bool, Parameter(negative="--no-response")] = True,
     set_: Set = None,
-    out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
+    out: Annotated[
+        Path | None, Parameter(name="--out", help="Write the profile of the printed lens to this .json.")
+    ] = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[PrintedDesign | PrintedLayers]:
@@ -47,12 +49,12 @@ def predict(
     file
         The design file.
     compensate
-        Write a design to this .toml whose outline prints as the designed lens (flat parts); for a lens that varies with
-        height, a design with compensated layers.
+        Write a compensated design to this .toml, whose outline, printed flat, becomes the designed lens; for a lens
+        that varies with height, a design with compensated layers.
     solid
-        Write the whole part, as predicted when printed flat, to this .stl, .3mf or .glb.
+        Write the predicted solid of the part, printed flat, to this .stl, .3mf or .glb.
     response
-        Trace the sensor with both lenses.
+        Trace the sensor with the designed and the printed lens.
 
     Raises
     ------
@@ -63,8 +65,10 @@ def predict(
     check_ending(compensate, "a design", ".toml")
     check_ending(solid, "a solid", *(f".{kind}" for kind in MESH_WRITERS))
     sensor = Sensor.of(open_design(file, set_))
-    read = [file, *sensor.design.files.values(), *files_read(options.process, options.cure)]
-    check_sources([compensate, solid, out, figure.figure], read)
+    compensated = {} if compensate is None else targets_of(compensate, "drawn" if sensor.is_sampled else "outline")
+    targets = named(figure=figure.figure, out=out, **compensated, solid=solid)
+    check_different(targets.values())
+    check_sources(targets.values(), [file, *sensor.design.files.values(), *files_read(options.process, options.cure)])
     prediction = (print_layers if sensor.is_sampled else print_design)(
         sensor,
         options,
@@ -73,20 +77,16 @@ def predict(
         part=solid is not None,
         progress=progress,
     )
-    contents, drawing = drawn(prediction, figure, "printed"), "outline"
+    contents = drawn(prediction, figure, "printed")
     if isinstance(prediction, PrintedLayers):
-        contents, drawing = files.joined(contents, layer_files(prediction, out, compensate)), "drawn"
+        contents |= layer_files(prediction, out, compensate)
     else:
         if out is not None:
-            contents = files.joined(contents, {out: profile_text(prediction.profile).encode()})
+            contents[out] = profile_text(prediction.profile).encode()
         if compensate is not None:
-            made, profile = prediction.compensation, prediction.compensated_profile
-            own = compensation_files(compensate, sensor, made, profile, prediction.process)
-            contents = files.joined(contents, own)
+            profile = prediction.compensated_profile
+            contents |= compensation_files(compensate, sensor, prediction.compensation, profile, prediction.process)
         if solid is not None and prediction.part is not None:
-            mesh = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
-            contents = files.joined(contents, {solid: mesh})
-    check_sources(contents, read)
+            contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)
-    beside = {} if compensate is None else targets_of(compensate, drawing)
-    return Outcome(prediction, named(figure=figure.figure, out=out, **beside, solid=solid))
+    return Outcome(prediction, targets)

@@ -1,4 +1,4 @@
-"""Tuning of a lens, print by print: an image and a design as input; a corrected drawing, layers and log as output."""
+"""Tuning of a lens from print to print: an image and a design as input; a new drawing, layers and a log as output."""
 
 import tempfile
 from pathlib import Path
@@ -16,7 +16,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import check_ending, drawn
-from solen.pipeline.print.layers import LayerFiles, exposed_as_printed, layer_files, with_figure
+from solen.pipeline.print.layers import LayerFiles, layer_files, with_figure, with_process_defaults
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
@@ -36,7 +36,7 @@ def tune(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[TunedPrint]:
-    """Correct the drawing of a lens for its next print, from an image of this print and the log of earlier ones.
+    """Correct the drawing of a lens for its next print, from an image of this print and the log of earlier prints.
 
     Parameters
     ----------
@@ -47,25 +47,25 @@ def tune(
     out
         Folder for the corrected drawing, its layers, STL and settings; created if missing.
     log
-        Log of all prints (.json), continued if it exists; default: one in the folder.
+        Log of all prints (.json), continued if it exists; default: a log in the folder.
     response
-        Trace the sensor with the lens as designed, as printed and as predicted.
+        Trace the sensor with the designed, the printed and the predicted lens.
 
     Raises
     ------
     SolenError
-        If the image, the design or the log cannot be used, or the print has another drawing; then nothing is written.
+        If the image, the design or the log is invalid, or the log is of another drawing; then nothing is written.
     """
     figure.check()
     check_ending(log, "a log", ".json")
-    wanted = open_design(design, set_)
-    sensor = Sensor.of(wanted)
+    intended = open_design(design, set_)
+    sensor = Sensor.of(intended)
     check_tunable(sensor)
     log = out / f"{stem_of(design)}-tuning.json" if log is None else log
     before = read_log(log) if log.exists() else None
-    slicing = exposed_as_printed(slicing)
+    slicing = with_process_defaults(slicing)
     micrograph = read_image(image, options=options)
-    measured = measure_lens(micrograph, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
+    measured = measure_lens(micrograph, intended, edge=options.edge, priors=options, seen_from=options.seen_from)
     name = f"{stem_of(design)}-tuned-{_next(before)}"
     tuned = tune_print(
         measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress
@@ -84,18 +84,18 @@ def _next(log: TuningLog | None) -> int:
 def _printed(
     tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str
 ) -> tuple[dict[str, Path], dict[Path, files.Content]]:
-    """Return the files of a new drawing and its layers by name, with their contents."""
+    """Return the files of a new drawing and its layers keyed by kind, and their contents."""
     layers, path = _layers(tuned, sensor, slicing, out, name), out / f"{name}.toml"
     return {"drawn": path, **layers.targets}, layers.contents() | _drawing(tuned, sensor, path)
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
-    """Return the design, outline and predicted profile for the drawing."""
+    """Return the design file, the outline and the predicted profile of the drawing."""
     return dict(compensation_files(path, sensor, tuned.made, tuned.profile, tuned.process))
 
 
 def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str) -> LayerFiles:
-    """Return the files of the drawing's layers."""
+    """Return the files of the layers of the drawing."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.toml"
         files.write_all(_drawing(tuned, sensor, path))

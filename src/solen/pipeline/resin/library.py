@@ -11,7 +11,7 @@ from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, check_new, check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
-from solen.spec.design import names_file
+from solen.spec.design import is_file_path
 
 
 def build(
@@ -80,5 +80,5 @@ def show(
         A resin of the library, or a resin file (ends in .toml or contains a / or a backslash).
     """
     check_outputs(None, figure)
-    resin = resin_of(name, Path(name) if names_file(name) else None)
+    resin = resin_of(name, Path(name) if is_file_path(name) else None)
     return write(facts_of(resin, name, options.at_nm), "resin", figure=figure)

@@ -26,7 +26,7 @@ from solen.report.design.figures import (
 )
 from solen.report.design.lens import focus_figure, profile_figure
 from solen.report.design.summary import advice, emitter_words, expected, lens_table, lens_words, matters
-from solen.report.print.predict_figure import printed_figure
+from solen.report.print.as_printed import as_printed_figure
 from solen.results import scalars
 from solen.sensor import Case, DesignStudy
 from solen.spec import dumps
@@ -57,7 +57,7 @@ def figures(study: DesignStudy) -> dict[str, str]:
     draws: dict[str, Callable[[], Figure]] = {"response": lambda: study_figure(study)}
     if study.as_printed is not None:
         as_printed = study.as_printed
-        draws["as-printed"] = lambda: printed_figure(as_printed)
+        draws["as-printed"] = lambda: as_printed_figure(as_printed)
     if study.practice is not None and study.practice.effects:
         practice = study.practice
         draws["matters"] = lambda: matters_figure(practice)

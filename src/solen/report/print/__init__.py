@@ -1,1 +1,1 @@
-"""Figures and pages for a print."""
+"""Figures of prints."""

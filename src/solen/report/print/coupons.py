@@ -1,4 +1,4 @@
-"""Coupon plans: columns, holes, orientation marks, and nominal sizes."""
+"""Plans of coupons with their features and nominal sizes, and the sequence of a coupon printed in several runs."""
 
 from collections.abc import Sequence
 
@@ -11,21 +11,21 @@ from solen.geometry.coupons import Coupon, Feature
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 
 COLOURS = {"mark": LEFT, "hole": "white"}
-WIDE_IN = 7.0
-INSIDE = 0.3
-"""A feature's number is written inside the feature if its depth exceeds this fraction of the coupon's depth."""
+WIDTH_IN = 7.0
+MIN_DEPTH_RATIO = 0.3
+"""Minimum depth of a feature with a label inside, as a fraction of the depth of the coupon."""
 LETTER, ABOVE = 0.02, 0.08
-"""Letter width, and room for a number above a feature, as fractions of the plan's width in the narrowest figure."""
+"""Width of a letter, and space for labels above features, as fractions of the width of the plan."""
 TITLE_IN, MIN_IN, MAX_IN = 0.5, 0.5, 2.6
 
 
 def plans_figure(coupon_set: CouponSet) -> Figure:
-    """Draw a plan of each coupon at page width, with the scale in mm below it."""
+    """Draw the plan of each coupon with its scale in mm; for a coupon printed in several runs, the sequence."""
     coupons = coupon_set.layouts
     if len(coupons) == 1 and len(coupons[0].stages) > 1:
         return _sequence(coupons[0])
     heights = [_height_in(coupon) for coupon in coupons]
-    figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)))
+    figure = Figure(figsize=(WIDTH_IN, sum(heights) + TITLE_IN * len(coupons)))
     grid = figure.add_gridspec(len(coupons), 1, height_ratios=[height + TITLE_IN for height in heights])
     for row, coupon in enumerate(coupons):
         _draw(figure.add_subplot(grid[row, 0]), coupon)
@@ -33,43 +33,43 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
 
 
 def _sequence(coupon: Coupon) -> Figure:
-    """Draw side views of a coupon printed in several runs: after each run, before the next, and separated.
+    """Draw side views of a coupon printed in several runs, and the slab that the evaluation of the layer assumes.
 
-    The last view is the slab assumed when the layer is evaluated. Thicknesses are labelled but not to scale.
+    Thicknesses are labelled, and not to scale.
     """
     base, layer = (
         next(feature for feature in coupon.features if feature.stage == stage.name) for stage in coupon.stages
     )
     film_mm = coupon.stages[1].z_offset_mm - base.height_mm
     stack = (
-        ("base", f"base, {base.height_mm:g} mm", LOST, 1.0),
-        ("film", f"film, {film_mm:g} mm", SPACE, 0.4),
-        ("layer", f"layer, {1e3 * layer.height_mm:g} µm, {layer.exposure_s:g} s", RIGHT, 0.4),
+        (f"base, {base.height_mm:g} mm", LOST, 1.0),
+        (f"film, {film_mm:g} mm", SPACE, 0.4),
+        (f"layer, {1e3 * layer.height_mm:g} µm, {layer.exposure_s:g} s", RIGHT, 0.4),
     )
     steps = (("base printed", stack[:1], True), ("film cured onto it", stack[:2], True), ("layer cured", stack, True),
              ("separated, for R and T", stack[1:], False))  # fmt: skip
     figure = Figure(figsize=(7.0, 4.2))
     grid = figure.add_gridspec(2, 3)
-    for number, (title, parts, on_platform) in enumerate(steps):
+    for number, (title, parts, on_plate) in enumerate(steps):
         axes = figure.add_subplot(grid[divmod(number, 3)])
-        _side_view(axes, parts, on_platform=on_platform)
+        _side_view(axes, parts, on_plate=on_plate)
         axes.set_title(title)
     _slab(figure.add_subplot(grid[1, 1]))
     return figure
 
 
 def _slab(axes: Axes) -> None:
-    """Draw rays through a slab of thickness h: reflected (R) and transmitted (T) light, summed over all passes."""
-    low, high, step, ends = 1.3, 2.3, 0.4, (0.6, 3.0)
+    """Draw the rays reflected (R) and transmitted (T) by a slab of thickness h."""
+    low, high, step, bottom, top = 1.3, 2.3, 0.4, 0.6, 3.0
     axes.add_patch(Rectangle((-1.2, low), 2.9, high - low, facecolor=RIGHT, alpha=0.25, lw=0))
     starts = [-0.5 + 2.0 * step * number for number in range(3)]
     arrow = {"arrowstyle": "->", "color": LEFT, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", (starts[0], high), (starts[0] - 0.4, ends[1]), arrowprops=arrow)
+    axes.annotate("", (starts[0], high), (starts[0] - 0.4, top), arrowprops=arrow)
     for number, x in enumerate(starts):
-        axes.annotate("", (x + 0.4, ends[1]), (x, high), arrowprops=arrow | {"alpha": 0.9**number})
+        axes.annotate("", (x + 0.4, top), (x, high), arrowprops=arrow | {"alpha": 0.9**number})
         if number < len(starts) - 1:
             axes.plot([x, x + step, x + 2.0 * step], [high, low, high], color=LEFT, lw=1.0, alpha=0.8**number)
-            axes.annotate("", (x + step + 0.4, ends[0]), (x + step, low), arrowprops=arrow | {"alpha": 0.9**number})
+            axes.annotate("", (x + step + 0.4, bottom), (x + step, low), arrowprops=arrow | {"alpha": 0.9**number})
     axes.annotate(
         "", (1.85, low), (1.85, high), arrowprops={"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     )
@@ -80,26 +80,26 @@ def _slab(axes: Axes) -> None:
     axes.set_title("a slab of thickness h")
 
 
-def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
-    """Draw a side view of the print, upside down below the build platform, or of the separated parts in the beam."""
+def _side_view(axes: Axes, parts: Sequence[tuple[str, str, float]], *, on_plate: bool) -> None:
+    """Draw the print hanging from the build plate, or the separated parts in the light beam."""
     top = 2.6
-    if on_platform:
+    if on_plate:
         axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))
-        axes.text(0.0, top + 0.25, "build platform", ha="center", va="center", color="white")
+        axes.text(0.0, top + 0.25, "build plate", ha="center", va="center", color="white")
     else:
         axes.annotate("", (0.0, 0.9), (0.0, 3.1), arrowprops={"arrowstyle": "->", "color": LEFT})
         axes.text(0.06, 2.9, "light", color=LEFT, va="center")
-    for _, name, colour, high in parts:
-        top -= high
-        axes.add_patch(Rectangle((-1.0, top), 2.0, high, facecolor=colour, edgecolor="white"))
-        axes.text(1.06, top + 0.5 * high, name, va="center")
+    for label, colour, height in parts:
+        top -= height
+        axes.add_patch(Rectangle((-1.0, top), 2.0, height, facecolor=colour, edgecolor="white"))
+        axes.text(1.06, top + 0.5 * height, label, va="center")
     axes.set(xlim=(-1.4, 2.9), ylim=(0.5, 3.2))
     axes.set_axis_off()
 
 
 def _height_in(coupon: Coupon) -> float:
     width, depth, _ = coupon.size_mm
-    return min(max(WIDE_IN * depth / width, MIN_IN), MAX_IN)
+    return min(max(WIDTH_IN * depth / width, MIN_IN), MAX_IN)
 
 
 def _draw(axes: Axes, coupon: Coupon) -> None:
@@ -112,7 +112,7 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
             axes.add_patch(_patch(feature))
     above = False
     for feature, text in _labels(coupon):
-        inside = feature.depth_mm > INSIDE * depth and feature.kind != "hole"
+        inside = feature.depth_mm > MIN_DEPTH_RATIO * depth and feature.kind != "hole"
         inside = inside and feature.width_mm > LETTER * len(text) * width
         _label(axes, feature, text, inside=inside)
         above = above or (not inside and coupon.slab is None)
@@ -133,7 +133,7 @@ def _label(axes: Axes, feature: Feature, text: str, *, inside: bool) -> None:
 
 
 def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
-    """Write the varied values next to the features."""
+    """Return the features to label, with the values that vary between them."""
     if coupon.gaps:
         return [(coupon.feature(gap.between[0]), f"{gap.gap_mm:g}") for gap in coupon.gaps]
     shown = [
@@ -145,11 +145,11 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
         return [(feature, feature.name.split("-")[1].replace("um", " µm")) for feature in shown]
     if coupon.steps or coupon.name == "z-reference":
         return [(feature, f"{feature.height_mm:g}") for feature in shown]
-    return [(each, _varied(each)) for each in shown]
+    return [(feature, _varied(feature)) for feature in shown]
 
 
 def _varied(feature: Feature) -> str:
-    """Return a feature's number: its grey level if it has one, otherwise its exposure or size."""
+    """Return the value that varies between features: the grey level, the exposure or the size."""
     if feature.grey is not None:
         return f"{feature.grey:g}"
     return f"{feature.exposure_s:g} s" if feature.exposure_s else f"{feature.width_mm:g}"

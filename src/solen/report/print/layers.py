@@ -1,4 +1,6 @@
-"""Layer figures: some layer images, their pixels, the plate, and the extent over height."""
+"""The figure of layers: some images, a close-up of pixels, the plate, and the extent of layers against height."""
+
+import math
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,32 +12,33 @@ from solen.fabricate.grey import FULL
 from solen.fabricate.layers import Job, LayeredPrint
 from solen.report.canvas import INK, LOST, RIGHT, series
 
-LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
-SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Layers to draw, as fractions of the layer count."""
+COLOUR_MAP = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
+DRAWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Positions of the drawn layers, as fractions of the stack."""
 COLUMNS = 3
 MAX_PIXELS = 900
-"""An image is downsampled if its longer side exceeds this number of pixels."""
+"""Maximum number of pixels along the longer side of a drawn image; larger ones are subsampled."""
 EDGE_PIXELS = 28
 """Number of pixels along each side of the close-up."""
 MAX_STEPS = 400
-"""Number of heights at which the extent is drawn."""
+"""Maximum number of layers whose extent is drawn."""
 
 
 def layers_figure(layered: LayeredPrint) -> Figure:
-    """Draw some layers of one copy, a close-up of edge pixels, the plate, and the extent over height."""
+    """Draw some layers of a copy, a close-up of pixels at an edge, the plate, and the extent against height."""
     job, (rows, columns) = layered.job, layered.job.tile
-    shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
+    indices = sorted({round(fraction * (job.count - 1)) for fraction in DRAWN})
     wide = columns > rows
-    figure = Figure(figsize=(8.4, 5.6 if wide else 7.0))
-    across = COLUMNS if wide else len(shown)
-    down = -(-len(shown) // across)
-    grid = figure.add_gridspec(down + 1, 3 * across, height_ratios=(*(1.55 / down for _ in range(down)), 1.0))
-    for number, layer in enumerate(shown):
-        row, column = divmod(number, across)
-        _draw_layer(figure.add_subplot(grid[row, 3 * column : 3 * column + 3]), job, layer)
-    edge, plate, side = (figure.add_subplot(grid[down, place * across : (place + 1) * across]) for place in range(3))
-    _draw_edge(edge, job, shown[len(shown) // 2])
+    figure = Figure(figsize=(8.4, 5.6) if wide else (9.6, 7.0))
+    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.55, 1.0))[:, 0]
+    across = COLUMNS if wide else len(indices)
+    panels = upper.subplots(math.ceil(len(indices) / across), across, squeeze=False)
+    for axes, layer in zip(panels.flat, indices, strict=False):
+        _draw_layer(axes, job, layer)
+    for axes in panels.flat[len(indices) :]:
+        axes.set_axis_off()
+    edge, plate, side = lower.subplots(1, 3)
+    _draw_edge(edge, job, indices[len(indices) // 2])
     _draw_plate(plate, job)
     _draw_side(side, job)
     size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
@@ -51,46 +54,45 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
     step = max(1, max(rows, columns) // MAX_PIXELS)
     left, low = _from_origin(job)
     extent = (left, left + columns * x, low, low + rows * y)
-    axes.imshow(image[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
-    heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
-    axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}")
+    axes.imshow(image[::step, ::step], cmap=COLOUR_MAP, vmin=0, vmax=FULL, origin="lower", extent=extent)
+    axes.set_title(f"layer {layer + 1}\n{job.seconds_of(layer):g} s\nat {(layer + 0.5) * job.layer_mm:.3f} mm")
     axes.grid(visible=False)
 
 
 def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
-    """Draw a close-up around the lowest grey pixel of a layer."""
+    """Draw a close-up around the grey pixel of a layer with the smallest Y."""
     image, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
     rows, columns = image.shape
     grey = np.argwhere((image > 0) & (image < FULL))
-    places = grey if len(grey) else np.argwhere(image)
-    row, column = places[np.lexsort((np.abs(places[:, 1] - 0.5 * columns), places[:, 0]))[0]] if len(places) else (0, 0)
-    low, left = (_window(at, most) for at, most in ((int(row), rows), (int(column), columns)))
+    pixels = grey if len(grey) else np.argwhere(image)
+    row, column = pixels[np.lexsort((np.abs(pixels[:, 1] - 0.5 * columns), pixels[:, 0]))[0]] if len(pixels) else (0, 0)
+    low, left = _window(int(row), rows), _window(int(column), columns)
     window = image[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
     start = np.array([left, low]) * pitch + _from_origin(job)
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
-    axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
-    axes.set_title(f"layer {layer + 1}: its pixels")
+    axes.imshow(window, cmap=COLOUR_MAP, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
+    axes.set_title(f"pixels of layer {layer + 1}")
     axes.set(xlabel="mm from the origin")
     axes.grid(visible=False)
 
 
 def _from_origin(job: Job) -> tuple[float, float]:
-    """Return X and Y of the lower left corner of a copy's tile, relative to the part's origin."""
+    """Return X and Y of the lower left corner of the image of a copy, relative to the origin of the part."""
     (left, low), (x, y) = job.tile_from_mm, job.solid.origin_mm
     return left - x, low - y
 
 
-def _window(at: int, most: int) -> int:
-    """Return the first pixel of a range around the specified pixel, kept inside the image."""
-    return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
+def _window(centre: int, count: int) -> int:
+    """Return the first of `EDGE_PIXELS` pixels around a pixel, inside an image of ``count`` pixels."""
+    return max(0, min(centre - EDGE_PIXELS // 2, count - EDGE_PIXELS))
 
 
 def _draw_plate(axes: Axes, job: Job) -> None:
     width, depth, _ = job.printer.size_mm
     x, y, _ = job.solid.size_mm
     axes.add_patch(Rectangle((-0.5 * width, -0.5 * depth), width, depth, facecolor="none", edgecolor=INK, lw=1.0))
-    for left, low in job.places_mm:
+    for left, low in job.positions_mm:
         axes.add_patch(Rectangle((left - 0.5 * x, low - 0.5 * y), x, y, facecolor=RIGHT, alpha=0.5, lw=0))
     axes.set(xlim=(-0.53 * width, 0.53 * width), ylim=(-0.53 * depth, 0.53 * depth), xlabel="X (mm)", ylabel="Y (mm)")
     axes.set_title(f"plate of {width:.4g} × {depth:.4g} mm")
@@ -99,15 +101,15 @@ def _draw_plate(axes: Axes, job: Job) -> None:
 
 
 def _draw_side(axes: Axes, job: Job) -> None:
-    """Draw the extent of one part along X and Y over height."""
-    numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MAX_STEPS)).round().astype(int))
-    middles = (numbers + 0.5) * job.layer_mm
-    sections = [job.solid.section(z)[1] for z in middles.tolist()]
+    """Draw the extent of a part along X and Y against height."""
+    indices = np.unique(np.linspace(0, job.count - 1, min(job.count, MAX_STEPS)).round().astype(int))
+    heights = (indices + 0.5) * job.layer_mm
+    sections = [job.solid.section(z)[1] for z in heights.tolist()]
     sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]
     burn_in = job.burn_in_layers * job.layer_mm
     axes.axhspan(0.0, burn_in, color=LOST, alpha=0.35, lw=0, label="burn-in")
     for axis, label in enumerate(("along X", "along Y")):
-        axes.plot([size[axis] for size in sizes], middles, **series(axis), lw=1.2, label=label)
+        axes.plot([size[axis] for size in sizes], heights, **series(axis), lw=1.2, label=label)
     axes.set(xlabel="extent of a layer (mm)", ylabel="height above the plate (mm)")
     axes.set(ylim=(0.0, job.height_mm), xlim=(0.0, 1.05 * max(1e-9, *(size.max() for size in sizes))))
     axes.legend()

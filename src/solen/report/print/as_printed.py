@@ -1,4 +1,4 @@
-"""The printed-lens figure: deviation from the design, and the effect on the response."""
+"""The figure of a measured printed lens: its deviation from the design, and its effect on the response."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,22 +8,22 @@ from solen.lens import MeasuredLens
 from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE
 from solen.sensor import AsPrinted, Comparison
 
-PLACES = 400
-"""Number of points across the lens at which its deviation is drawn."""
+CURVE_POINTS = 400
+"""Number of points of the smoothed deviation."""
 MAX_DOTS = 400
-"""Largest number of profile points drawn."""
+"""Maximum number of profile points that are drawn."""
 
 
-def printed_figure(as_printed: AsPrinted) -> Figure:
-    """Draw the printed lens's deviation from the design, both responses, and their difference with its uncertainty."""
+def as_printed_figure(as_printed: AsPrinted) -> Figure:
+    """Draw the deviation of the lens, the designed and printed responses, and their difference with its uncertainty."""
     figure = Figure(figsize=(10.2, 3.8))
     shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
     draw_deviation(shape_axes, as_printed.lens)
     shape_axes.set_title(f"lens {as_printed.label}")
-    for one, colour in ((as_printed.emitter, INK), (as_printed.chip, SPACE)):
-        if one is not None:
-            _draw_responses(contrast_axes, one, colour)
-            _draw_difference(difference_axes, one, colour)
+    for comparison, colour in ((as_printed.emitter, INK), (as_printed.chip, SPACE)):
+        if comparison is not None:
+            _draw_responses(contrast_axes, comparison, colour)
+            _draw_difference(difference_axes, comparison, colour)
     contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
     contrast_axes.set_title("simulated responses")
     contrast_axes.legend()
@@ -34,24 +34,24 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
 
 
 def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
-    """Draw a profile's deviation along the lens normal in µm: points, and a smoothed curve with its uncertainty."""
+    """Draw the deviation of a profile along the normal of the lens: points, and the smoothed curve with uncertainty."""
     fit, half_mm = lens.fit, lens.half_width_mm
-    x = np.linspace(-half_mm, half_mm, PLACES)
-    more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))
+    x = np.linspace(-half_mm, half_mm, CURVE_POINTS)
+    smoothed = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))
     u = 1e3 * fit.u_mm(x)
-    at, deviation = fit.points
-    thin = slice(None, None, max(1, at.size // MAX_DOTS))
-    dots = -1e3 * deviation[thin] / np.hypot(1.0, lens.designed.slope(at[thin]))
-    axes.plot(at[thin], dots, ".", color=LOST, ms=2.5, label="points")
-    axes.fill_between(x, more - u, more + u, color=SOFT, lw=0, zorder=1, label="its uncertainty")
-    axes.plot(x, more, color=RIGHT, lw=1.6, label="smoothed, as traced")
+    step = max(1, fit.points[0].size // MAX_DOTS)
+    points_x, deviation = (values[::step] for values in fit.points)
+    points_um = -1e3 * deviation / np.hypot(1.0, lens.designed.slope(points_x))
+    axes.plot(points_x, points_um, ".", color=LOST, ms=2.5, label="points")
+    axes.fill_between(x, smoothed - u, smoothed + u, color=SOFT, lw=0, zorder=1, label="standard uncertainty")
+    axes.plot(x, smoothed, color=RIGHT, lw=1.6, label="smoothed, as traced")
     axes.axhline(0.0, color=INK, lw=0.8, ls=":")
     axes.set(xlabel="x (mm)", ylabel="deviation from the design (µm)")
     axes.legend()
 
 
 def _name(comparison: Comparison) -> str:
-    return f"chip {comparison.width_mm:g} mm wide" if comparison.width_mm > 0.0 else "point"
+    return f"{comparison.width_mm:g} mm emitter" if comparison.width_mm > 0.0 else "point emitter"
 
 
 def _draw_responses(axes: Axes, comparison: Comparison, colour: str) -> None:
