@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DesignError
-from solen.explore.live import GOAL, coarse, misleading, refined
+from solen.explore.live import GOAL, coarse, planar_model_error, refined
 from solen.sensor import Sensor, as_built, in_plane
 from solen.spec import loads, template
 
@@ -35,9 +35,9 @@ def test_the_plane_misleads_of_the_shipped_design_and_not_of_a_point_beside_itse
     plane, space = coarse(in_plane(chip), 2**13), coarse(as_built(chip), 2**13)
     assert plane is not None
     assert space is not None
-    words = misleading(plane.response, space.response)
+    words = planar_model_error(plane.response, space.response)
     assert "plane" in words
-    assert misleading(space.response, space.response) == ""
+    assert planar_model_error(space.response, space.response) == ""
 
 
 def test_refining_ends_when_it_is_stopped(chip: Sensor) -> None:

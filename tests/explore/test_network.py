@@ -19,7 +19,7 @@ from solen.explore import (
     tolerance,
 )
 from solen.explore.measures import measure_of
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.sensor import Sensor, why_inert
 from solen.sensor.effects import with_deviations
 from solen.sensor.network import emitter_sensors, network_response, network_sensitivities
@@ -80,8 +80,8 @@ def test_motions_are_known_as_well_as_by_the_derivatives_of_the_voltages(swept: 
     assert sensitive.by_voltages is not None
     assert found.merits["sd_arm_bends_deg"][1] == pytest.approx(sensitive.by_voltages.sd_deg[0], rel=1e-9)
     assert found.merits["worst_sd_deg"].tolist() == found.merits["sd_arm_bends_deg"].tolist()
-    assert "worst_sd_deg" in shown(found.merits)
-    assert "worst_light" not in shown({**found.merits, "worst_light": 0.0})
+    assert "worst_sd_deg" in table_merits(found.merits)
+    assert "worst_light" not in table_merits({**found.merits, "worst_light": 0.0})
 
 
 def test_a_sweep_of_a_network_is_kept_and_has_its_own_dimensions(swept: tuple[Path, Sweep]) -> None:

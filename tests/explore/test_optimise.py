@@ -31,8 +31,8 @@ from solen.explore.optimise import (
 from solen.explore.optimise.candidates import Candidates
 from solen.explore.optimise.evaluation import Evaluator
 from solen.explore.optimise.front import search_front, weights_of
-from solen.explore.optimise.optimum import at_ends, outside
-from solen.explore.optimise.search import Tried, search
+from solen.explore.optimise.optimum import limit_warnings, outside_warnings
+from solen.explore.optimise.search import Trials, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Accuracy, Store, Variant
 from solen.explore.tolerance import ToleranceOptions, tolerance
@@ -69,7 +69,7 @@ def bowl(point: FloatArray) -> float:
 
 
 def test_a_search_finds_the_least_value_and_goes_the_same_way_again() -> None:
-    runs = [Tried(bowl, 400), Tried(bowl, 400)]
+    runs = [Trials(bowl, 400), Trials(bowl, 400)]
     for tried in runs:
         search(tried, np.array([0.2, 0.9, 0.9]), seed=1)
     assert runs[0].best == pytest.approx([0.8, 0.3, 0.05], abs=0.01)
@@ -78,7 +78,7 @@ def test_a_search_finds_the_least_value_and_goes_the_same_way_again() -> None:
 
 
 def test_one_number_alone_that_hardly_matters_is_sought_all_the_same() -> None:
-    tried = Tried(lambda point: float(np.round(point[0])), 200)
+    tried = Trials(lambda point: float(np.round(point[0])), 200)
     search(tried, np.array([0.9]), seed=0)
     assert tried.values[int(np.argmin(tried.values))] == 0.0
 
@@ -117,8 +117,8 @@ def test_the_same_search_goes_on_from_what_is_known(centred: tuple[Store, Optimu
 def test_an_optimum_at_a_limit_and_a_design_beyond_it_are_said(centred: tuple[Store, Optimum]) -> None:
     free = ("emitter.offset_mm=0.005:0.015",)
     task = Task.of(DESIGN, OptimiseOptions(**CENTRE | {"free": free}))
-    (beyond,) = outside(task)
-    (limit,) = at_ends(task, DESIGN.set({"emitter.offset_mm": 0.005}))
+    (beyond,) = outside_warnings(task)
+    (limit,) = limit_warnings(task, DESIGN.set({"emitter.offset_mm": 0.005}))
     assert "0.02" in beyond
     assert "0.005" in limit
     assert not any("emitter.offset_mm" in text for text in centred[1].warnings)
@@ -211,7 +211,7 @@ def test_the_worst_deviation_counts_and_conditions_hold(centred: tuple[Store, Op
     ("changed", "named"),
     [
         ({"minimise": ()}, "--minimise"),
-        ({"maximise": ("span", "light")}, "3 values"),
+        ({"maximise": ("span", "light")}, "3 goals"),
         ({"maximise": ("abs(null_deg)",), "evaluations": 100}, "twice"),
         ({"maximise": ("span",)}, "at least 70"),
         ({"minimise": ("span < 1",)}, "condition"),
@@ -292,7 +292,7 @@ def test_a_front_is_reached_where_it_is_hollow() -> None:
 def test_a_straighter_response_is_sought_around_the_design() -> None:
     options = straightness_options(DESIGN)
     task = Task.of(DESIGN, options)
-    assert np.allclose(task.begin, 0.5, atol=0.02)
+    assert np.allclose(task.initial_point, 0.5, atol=0.02)
     knots = DESIGN.set({"lens.shape": "spline", "lens.knots_um": (0.0, 5.0)})
     assert straightness_options(knots).free[-1] == "lens.knots_um[1]=-35:45"
     assert not any("focus" in text for text in straightness_options(DESIGN.set({"lens.shape": "none"})).free)

@@ -17,8 +17,8 @@ import pytest
 from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, check_not_set, grid, sampled
 from solen.explore.chips import chips_of
-from solen.explore.machines import Cluster, Here, Slurm, check_job
-from solen.explore.store import Accuracy, Point, Store, Variant, engine
+from solen.explore.machines import Cluster, LocalMachine, Slurm, check_job
+from solen.explore.store import Accuracy, Point, Store, Variant, code_digest
 from solen.explore.sweep import SweepOptions, sweep
 from solen.registry import BODY_KINDS
 from solen.sensor import Sensor
@@ -90,7 +90,7 @@ def test_a_part_of_a_sweep_has_its_own_table(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(import_module("solen.explore.responses"), "LOT", 2)
     seen = []
 
-    class Watched(Here):
+    class Watched(LocalMachine):
         def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
             seen.append(len(variants))
             return super().traced(variants, accuracy)
@@ -197,9 +197,9 @@ def test_code_that_extends_solen_names_points_too(tmp_path: Path, monkeypatch: p
     names = set()
     for width in (3, 4):
         (tmp_path / "lab_bar.py").write_text(f"BAR = {width}", encoding="utf-8")
-        engine.cache_clear()
-        names.add(engine())
-    engine.cache_clear()
+        code_digest.cache_clear()
+        names.add(code_digest())
+    code_digest.cache_clear()
     assert len(names) == 2
 
 

@@ -10,14 +10,14 @@ from matplotlib.text import Text
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.default_variations import GROWTH, SHRINKAGE, of_process, variations_of
+from solen.explore.default_variations import GROWTH, SHRINKAGE, process_variations, variations_of
 from solen.explore.merits import NAMES
 from solen.explore.prints import Prints
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store
 from solen.explore.surrogate import fit
 from solen.explore.tolerance import ToleranceOptions, print_design, tolerance
-from solen.explore.variations import Variation, drawn, offs, together, variation
+from solen.explore.variations import Variation, deviations_by_key, draw_deviations, variation, weights_of
 from solen.fabricate.process.growth import growth_um
 from solen.fabricate.process.process_file import Process, default_process, process_text
 from solen.report.explore.tolerance import tolerance_figure
@@ -44,24 +44,24 @@ def merits_of(x: FloatArray) -> dict[str, FloatArray]:
 def test_indices_of_ishigami_are_exact_ones() -> None:
     """Exact: first order 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437 (Ishigami and Homma 1990)."""
     variations = [Variation(key, "uniform", -math.pi, math.pi) for key in "abc"]
-    x = drawn(variations, 1024, 0)
+    x = draw_deviations(variations, 1024, 0)
     y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
     made = fit(variations, x, y)
     assert made.first_order == pytest.approx([0.3139, 0.4424, 0.0], abs=0.005)
     assert made.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.005)
-    fresh = drawn(variations, 4096, 5)
+    fresh = draw_deviations(variations, 4096, 5)
     truth = np.sin(fresh[:, 0]) + 7.0 * np.sin(fresh[:, 1]) ** 2 + 0.1 * fresh[:, 2] ** 4 * np.sin(fresh[:, 0])
     missed = float(np.var(made(fresh) - truth) / np.var(truth))
     assert made.held_out / 10.0 < missed < 10.0 * made.held_out
 
 
 def test_a_yield_is_that_of_brute_force_within_its_uncertainty() -> None:
-    many = drawn(VARIATIONS, 2**17, 77)
+    many = draw_deviations(VARIATIONS, 2**17, 77)
     truth = float(np.logical_and.reduce([one.met(merits_of(many), BASE) for one in REQUIREMENTS]).mean())
     off, ratio = [], []
     for seed in range(6):
-        x = drawn(VARIATIONS, 256, seed)
-        share, u = Prints(VARIATIONS, x, merits_of(x), BASE).share(REQUIREMENTS)
+        x = draw_deviations(VARIATIONS, 256, seed)
+        share, u = Prints(VARIATIONS, x, merits_of(x), BASE).yield_of(REQUIREMENTS)
         off.append(share - truth)
         ratio.append((share - truth) / u)
     assert math.sqrt(np.mean(np.square(off))) < 0.01
@@ -70,33 +70,33 @@ def test_a_yield_is_that_of_brute_force_within_its_uncertainty() -> None:
 
 
 def test_a_yield_states_what_its_merits_leave_undecided() -> None:
-    x = drawn(VARIATIONS, 64, 3)
+    x = draw_deviations(VARIATIONS, 64, 3)
     sharp = merits_of(x)
     blurred = sharp | {"u_null_deg": np.full(64, 0.5)}
-    _, u_sharp = Prints(VARIATIONS, x, sharp, BASE).share(REQUIREMENTS)
-    _, u_blurred = Prints(VARIATIONS, x, blurred, BASE).share(REQUIREMENTS)
+    _, u_sharp = Prints(VARIATIONS, x, sharp, BASE).yield_of(REQUIREMENTS)
+    _, u_blurred = Prints(VARIATIONS, x, blurred, BASE).yield_of(REQUIREMENTS)
     assert u_blurred**2 > u_sharp**2 + 0.03**2
 
 
 def test_noise_of_each_print_is_no_doubt_about_all_of_them() -> None:
     """Noise of 4 % of the slope."""
-    many = drawn(VARIATIONS, 2**15, 77)
+    many = draw_deviations(VARIATIONS, 2**15, 77)
     truth = float(np.logical_and.reduce([one.met(merits_of(many), BASE) for one in REQUIREMENTS]).mean())
     off, u = np.empty(4), np.empty(4)
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        x = drawn(VARIATIONS, 128, seed)
+        x = draw_deviations(VARIATIONS, 128, seed)
         noisy = merits_of(x) | {"u_slope_per_deg": np.full(128, 0.04)}
         noisy["slope_per_deg"] = noisy["slope_per_deg"] + rng.normal(0.0, 0.04, 128)
-        share, u[seed] = Prints(VARIATIONS, x, noisy, BASE).share(REQUIREMENTS)
+        share, u[seed] = Prints(VARIATIONS, x, noisy, BASE).yield_of(REQUIREMENTS)
         off[seed] = share - truth
     assert math.sqrt(np.mean((off / u) ** 2)) < 1.3
     assert u.mean() < 0.05
 
 
 def test_calibration_removes_null_and_gain() -> None:
-    x = drawn(VARIATIONS, 64, 3)
-    share, u = Prints(VARIATIONS, x, merits_of(x), BASE).share(REQUIREMENTS, calibrated=True)
+    x = draw_deviations(VARIATIONS, 64, 3)
+    share, u = Prints(VARIATIONS, x, merits_of(x), BASE).yield_of(REQUIREMENTS, calibrated=True)
     assert share == 1.0
     assert u == pytest.approx(1.0 / 66.0)
 
@@ -169,7 +169,7 @@ def test_usual_prints_can_be_built() -> None:
         assert usual["material.absorption_per_mm"].first == 0.0
         assert usual["emitter.offset_mm"].first < 0.0
         assert ("lens.knots_um[1]" in usual) is (design is not DESIGN)
-        assert offs(list(usual.values()), [0.0] * len(usual)).keys() == usual.keys()
+        assert deviations_by_key(list(usual.values()), [0.0] * len(usual)).keys() == usual.keys()
 
 
 def test_tolerances_end_where_a_number_would_be_negative() -> None:
@@ -180,14 +180,14 @@ def test_tolerances_end_where_a_number_would_be_negative() -> None:
 
 def test_a_mean_stays_where_a_deviation_is_tightened() -> None:
     off = [Variation("emitter.offset_mm", "normal", 2.0, 0.2)]
-    x = drawn(off, 64, 3)
+    x = draw_deviations(off, 64, 3)
     merits = dict.fromkeys(NAMES, np.zeros(64)) | {"null_deg": x[:, 0]}
     (row,) = Prints(off, x, merits, BASE).varied(Sensor.of(DESIGN), REQUIREMENTS[:1])
     assert (row.share_if_exact, row.factor_alone) == (0.0, None)
 
 
 def test_what_surrogates_do_not_know_is_not_reported() -> None:
-    x = drawn(VARIATIONS, 64, 3)
+    x = draw_deviations(VARIATIONS, 64, 3)
     merits = merits_of(x)
     merits["null_deg"][5] = np.nan
     rows = Prints([Variation("emitter.offset_mm", "normal", 0.0, 1.0)], x[:, :1], merits, BASE).varied(
@@ -197,8 +197,8 @@ def test_what_surrogates_do_not_know_is_not_reported() -> None:
 
 
 def test_numbers_move_together_by_their_weights(folder: Store) -> None:
-    assert together("a.x_mm") == {"a.x_mm": 1.0}
-    assert together("a.x_mm + 0.5*b.y_mm-2e-1 * c.z") == {"a.x_mm": 1.0, "b.y_mm": 0.5, "c.z": -0.2}
+    assert weights_of("a.x_mm") == {"a.x_mm": 1.0}
+    assert weights_of("a.x_mm + 0.5*b.y_mm-2e-1 * c.z") == {"a.x_mm": 1.0, "b.y_mm": 0.5, "c.z": -0.2}
     both = {"vary": ("emitter.offset_mm-0.5*emitter.offset_mm=normal:0:0.04", OPTIONS.vary[1])}
     found = tolerance(DESIGN, OPTIONS.model_copy(update=both), folder)
     alone = tolerance(DESIGN, OPTIONS, folder)
@@ -276,12 +276,12 @@ def test_what_nobody_states_names_its_source() -> None:
     usual = {one.key: one for one in variations_of(sensor, ["emitter.offset_mm=normal:0:0.1", "usual"])}
     sources = {key: usual[key].source for key in ("emitter.offset_mm", "material.index", "body.arm_width_mm")}
     assert sources == {
-        "emitter.offset_mm": "stated",
+        "emitter.offset_mm": "specified",
         "material.index": "resin pmma",
         "body.arm_width_mm": "[tolerance]",
     }
     assert usual["emitter.distance_mm"].source == "assumed"
-    assert [one.source for one in variations_of(sensor, ["emitter.offset_mm=normal:0:0.1"])] == ["stated"]
+    assert [one.source for one in variations_of(sensor, ["emitter.offset_mm=normal:0:0.1"])] == ["specified"]
 
 
 def test_prints_of_a_process_grow_and_shrink_together() -> None:
@@ -290,17 +290,17 @@ def test_prints_of_a_process_grow_and_shrink_together() -> None:
     calibration = {"keys": ("growth_um", "shrinkage_percent"), "covariance": ((4.0, -0.24), (-0.24, 0.04))}
     calibrated = Process(**process.model_dump() | {"calibration": calibration, "uncertainty": {}})
     sensor = Sensor.of(DESIGN)
-    made = {one.key: one for one in of_process(sensor, calibrated, compensated=False)}
+    made = {one.key: one for one in process_variations(sensor, calibrated, compensated=False)}
     assert made[GROWTH].first == pytest.approx(growth_um(calibrated.process))
     assert made[GROWTH].second == pytest.approx(2.0)
-    x = drawn(list(made.values()), 2**12, 0)
-    moved = [offs(list(made.values()), row) for row in x.tolist()]
+    x = draw_deviations(list(made.values()), 2**12, 0)
+    moved = [deviations_by_key(list(made.values()), row) for row in x.tolist()]
     stem = np.array([one["body.stem_length_mm"] for one in moved]) / sensor.design.body.stem_length_mm
     distance = np.array([one["emitter.distance_mm"] for one in moved])
     assert -100.0 * stem.mean() == pytest.approx(1.0, rel=0.01)
     assert 100.0 * stem.std() == pytest.approx(0.2, rel=0.02)
     assert np.corrcoef(-stem, -distance)[0, 1] == pytest.approx(-0.6, abs=0.02)
-    (growth, _) = of_process(sensor, calibrated, compensated=True)
+    (growth, _) = process_variations(sensor, calibrated, compensated=True)
     assert growth.first == 0.0
 
 

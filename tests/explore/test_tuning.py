@@ -119,7 +119,7 @@ def test_a_log_of_another_design_or_printer_is_refused(lab: Lab, tuned: list[Tun
 def test_what_an_image_does_not_tell_is_not_corrected(lab: Lab, tuned: list[TunedPrint]) -> None:
     """Without the face the odd part stays, without the scale's uncertainty the size; both are said."""
     blind = lab.tuned(lab.folder / "print-1.png", seen_from=None, u_um_per_px=None)
-    drawn, told = blind.made.drawn_um, tuned[0].made.drawn_um
+    drawn, told = blind.compensation.drawn_um, tuned[0].compensation.drawn_um
     assert np.abs(drawn - drawn[::-1]).max() < 1.0
     assert np.abs(told - told[::-1]).max() > 4.0
     assert blind.scale == pytest.approx(1.0, abs=1e-4)
@@ -218,5 +218,5 @@ def test_a_measured_pixel_is_as_wide_as_prints_show_it(tmp_path: Path) -> None:
     assert model.settings.sigma_um is None
     assert model.wider is not None
     assert model.wider.settings.response_scale == pytest.approx(1.05)
-    assert model.blurred(-2.0).settings.response_scale == pytest.approx(0.9)
-    assert model.least_blur == pytest.approx(-10.0)
+    assert model.with_more_blur(-2.0).settings.response_scale == pytest.approx(0.9)
+    assert model.min_blur == pytest.approx(-10.0)

@@ -11,7 +11,7 @@ from solen.explore.default_variations import variations_of
 from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.responses import responses
 from solen.explore.store import Variant
-from solen.explore.variations import offs
+from solen.explore.variations import deviations_by_key
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -40,11 +40,11 @@ def _counted() -> float:
     """Share of prints drawn by a pseudo-random generator whose null and slope are within the limits."""
     variations = variations_of(Sensor.of(DESIGN), OPTIONS.vary)
     rng = np.random.default_rng(2026)
-    prints = np.column_stack([one.deviation(rng.uniform(size=COUNTED)) for one in variations])
+    prints = np.column_stack([one.quantile(rng.uniform(size=COUNTED)) for one in variations])
     (slope,) = _merits([{}])["slope_per_deg"]
     met = 0
     for first in range(0, COUNTED, AT_ONCE):
-        merits = _merits([offs(variations, row) for row in prints[first : first + AT_ONCE].tolist()])
+        merits = _merits([deviations_by_key(variations, row) for row in prints[first : first + AT_ONCE].tolist()])
         met += int(((np.abs(merits["null_deg"]) < 0.3) & (np.abs(merits["slope_per_deg"] / slope - 1.0) < 0.1)).sum())
     return met / COUNTED
 

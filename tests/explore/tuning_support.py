@@ -88,7 +88,7 @@ class Lab:
 
 def drawn_by(tuned: TunedPrint) -> FloatArray:
     """The corrected drawing as a ring."""
-    return rings_of(tuned.made.outlines)[0]
+    return rings_of(tuned.compensation.outlines)[0]
 
 
 def true_rms_um(outline: FloatArray) -> float:

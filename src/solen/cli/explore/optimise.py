@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.cli.explore.tolerance import varied
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.optimise import Front, FrontDesign, GoalResult, Optimum
 from solen.explore.tolerance import Tolerances
 from solen.pipeline.explore.optimise import optimise as optimise
@@ -24,7 +24,7 @@ def _(result: Optimum) -> Iterator[str]:
     for text, met in result.after.meets.items():
         yield f"  {'holds' if met else 'MISSED'}: {text}"
     worst = [f"{'after, at worst':>18}"] * result.robust
-    names = shown(result.before.merits)
+    names = table_merits(result.before.merits)
     width = max(18, *map(len, names))
     yield "  ".join([f"{'':{width}}", f"{'before':>18}", f"{'after':>18}", *worst])
     for name in names:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.swept import Sweep
 from solen.pipeline.explore.sweep import sweep as sweep
 from solen.report.design.summary import measured
@@ -26,7 +26,7 @@ def _(result: Sweep) -> Iterator[str]:
     yield f"simulated: {result.name}, {result.points} points ({how}): {traced}"
     if result.robust:
         yield f"each as designed and with {len(result.robust)} deviations, of which the worst are in the file"
-    heads = [*result.values, *shown(result.merits)]
+    heads = [*result.values, *table_merits(result.merits)]
     widths = [max(12, len(head)) for head in heads]
     yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))
     for place in range(min(result.points, MAX_ROWS)):
@@ -41,6 +41,6 @@ def _value(value: object) -> str:
 
 
 def _merits(result: Sweep, place: int) -> Iterator[str]:
-    for name in shown(result.merits):
+    for name in table_merits(result.merits):
         value, u = result.merits[name][place], result.merits[f"u_{name}"][place]
         yield measured(value, u, sign=False)

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
-from solen.explore.prints import VariedNumber, Yield
+from solen.explore.prints import VariedParameter, Yield
 from solen.explore.tolerance import Tolerances
-from solen.explore.variations import STATED
+from solen.explore.variations import SPECIFIED
 from solen.pipeline.explore.tolerance import tolerance as tolerance
 from solen.report.design.summary import measured
 
@@ -59,22 +59,22 @@ def _yield(one: Yield) -> str:
 
 def _sources(result: Tolerances) -> str:
     """Return a remark on the number of varied parameters whose deviation is assumed."""
-    assumed = sum(row.source != STATED for row in result.varied)
+    assumed = sum(row.source != SPECIFIED for row in result.varied)
     return f" ({assumed} not specified: see the source of each)" if assumed else " (nothing else varies)"
 
 
-def _source(row: VariedNumber) -> str:
-    return "" if row.source == STATED else f" [{row.source}]"
+def _source(row: VariedParameter) -> str:
+    return "" if row.source == SPECIFIED else f" [{row.source}]"
 
 
-def _distribution(row: VariedNumber) -> str:
+def _distribution(row: VariedParameter) -> str:
     first, second = (end + 0.0 for end in row.deviation)  # 0 for −0
     if row.distribution == "uniform":
         return f"uniform {first:+.3g} to {second:+.3g}"
     return f"normal {first:+.3g}, SD {second:.3g}" if first else f"normal, SD {second:.3g}"
 
 
-def _cost(row: VariedNumber) -> str:
+def _cost(row: VariedParameter) -> str:
     if row.share_if_exact is None:
         return ""
     if row.factor_alone is None:

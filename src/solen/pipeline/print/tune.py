@@ -91,7 +91,7 @@ def _printed(
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
     """Return the design, outline and predicted profile for the drawing."""
-    return dict(compensation_files(path, sensor, tuned.made, tuned.profile, tuned.process))
+    return dict(compensation_files(path, sensor, tuned.compensation, tuned.profile, tuned.process))
 
 
 def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str) -> LayerFiles:

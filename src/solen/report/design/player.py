@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from solen import __version__
-from solen.explore.sliders import Slid, Sliders
+from solen.explore.sliders import Sliders, SlidersPoint
 from solen.results import plain
 from solen.sensor import Picture
 
@@ -48,14 +48,14 @@ def html(found: Sliders) -> str:
     return PAGE.read_text(encoding="utf-8").replace(DATA, f"{data}</script>", 1)
 
 
-def _point(point: Slid, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
+def _point(point: SlidersPoint, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
     response = point.curve.response
     return {
         "angle": response.angle_deg,
         "contrast": np.round(response.contrast, 5),
         "u": np.round(response.u_contrast, 6),
         "merits": point.curve.merits,
-        "misleading": point.misleading,
+        "misleading": point.planar_model_error,
         "pictures": [_picture(picture, step_mm, whole) for picture in point.pictures],
     }
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from solen.arrays import FloatArray
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.optimise import Front, FrontDesign, Optimum
 from solen.report.canvas import INK, LEFT, RIGHT
 
@@ -37,7 +37,9 @@ def optimum_figure(result: Optimum) -> Figure:
 def _merits(axes: Axes, result: Optimum) -> None:
     """Draw final merits as fractions of initial values that exceed their uncertainties."""
     before, after = result.before.merits, result.after.merits
-    names = [name for name in shown(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])]
+    names = [
+        name for name in table_merits(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])
+    ]
     part = np.array([after[name] / before[name] for name in names])
     u = [
         np.hypot(after[f"u_{name}"], ratio * before[f"u_{name}"]) / abs(before[name])
@@ -72,7 +74,7 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
 
 def _shown(result: Optimum) -> list[str]:
     """Return the merits whose print distributions are drawn: the first goal merit, and the null or the light."""
-    names = shown(result.before.merits)
+    names = table_merits(result.before.merits)
     of_goal = next((name for name in result.before.merits if name in result.goal), names[0])
     other = next(name for name in ("null_deg", "light", *names) if name in names and name != of_goal)
     return [of_goal, other]

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.swept import Sweep
 from solen.report.canvas import INK, RIGHT, SOFT, series
 
@@ -18,7 +18,7 @@ COLUMNS, FEW, EXACT = 3, 5, 12
 def sweep_figure(sweep: Sweep) -> Figure:
     """Draw merits against the varied keys: curves over one key, heat maps over the first two, dots for samples."""
     draw = _curve if len(sweep.values) == 1 else _map if sweep.is_grid else _dots
-    names = [name for name in shown(sweep.merits) if np.isfinite(sweep.merits[name]).any()]
+    names = [name for name in table_merits(sweep.merits) if np.isfinite(sweep.merits[name]).any()]
     keys = [""] if len(sweep.values) == 1 or sweep.is_grid else list(sweep.values)
     panels = [(name, key) for name in names for key in keys]
     columns = COLUMNS if len(keys) == 1 else len(keys)
