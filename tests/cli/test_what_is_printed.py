@@ -340,12 +340,12 @@ def test_set_takes_toml_else_text(
     assert result == value
 
 
-def test_an_option_of_its_own_is_stronger_than_set(runner: CommandRunner, design: str) -> None:
+def test_option_takes_precedence_over_set(runner: CommandRunner, design: str) -> None:
     result = runner.json("trace", design, "--rays", "20", "--set", "emitter.rays=30", "--json")
     assert result["rays"] == 20
 
 
-def test_lines_say_what_json_says(runner: CommandRunner, design: str) -> None:
+def test_lines_agree_with_json(runner: CommandRunner, design: str) -> None:
     arguments = ["trace", design, "--angle-deg", "-3", "--rays", "1000"]
     result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)
     assert lines[0] == "Paper 860 nm at -3 deg, 1000 rays, mode count"
@@ -360,7 +360,7 @@ def test_lines_say_what_json_says(runner: CommandRunner, design: str) -> None:
         assert text == expected if isinstance(expected, str) else float(text) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_run_ends_with_where_its_report_is(
+def test_run_prints_summary_and_report_path(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
@@ -371,12 +371,12 @@ def test_a_run_ends_with_where_its_report_is(
     assert lines[2].split()[:5] == ["contrast", "+0.0440", "±", "<", "0.0001"]
     (built,) = [line for line in lines if line.startswith("  as built (chip 0.2 × 0.2 mm, lambertian within ±60°")]
     assert "per degree at the null" in built
-    head = next(place for place, line in enumerate(lines) if line.startswith("what matters"))
+    head = next(number for number, line in enumerate(lines) if line.startswith("what matters"))
     assert lines[head].split("  ")[-1] == "light"
     assert any(line.startswith("  decentre of the emitter") and " 10 µm " in line for line in lines[head:])
 
 
-UNSURE = """
+UNCERTAIN = """
 schema = 1
 name = "unsure"
 [index]
@@ -388,11 +388,11 @@ warnings = ["no reflectance went into it"]
 """
 
 
-def test_a_command_that_uses_a_resin_reports_what_is_missing_in_it(
+def test_reports_warnings_of_resin(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
-    (Path(design).parent / "unsure.toml").write_text(UNSURE, encoding="utf-8")
+    (Path(design).parent / "unsure.toml").write_text(UNCERTAIN, encoding="utf-8")
     resin = ("--set", "material.resin=unsure.toml")
     warning = "warning: index: no reflectance went into it"
     for command in ("check", "lens", "trace"):
