@@ -371,12 +371,12 @@ def test_run_ends_with_path_of_report(
     assert lines[2].split()[:5] == ["contrast", "+0.0440", "±", "<", "0.0001"]
     (built,) = [line for line in lines if line.startswith("  as built (chip 0.2 × 0.2 mm, lambertian within ±60°")]
     assert "per degree at the null" in built
-    head = next(place for place, line in enumerate(lines) if line.startswith("what matters"))
+    head = next(number for number, line in enumerate(lines) if line.startswith("what matters"))
     assert lines[head].split("  ")[-1] == "light"
     assert any(line.startswith("  decentre of the emitter") and " 10 µm " in line for line in lines[head:])
 
 
-UNSURE = """
+UNCERTAIN = """
 schema = 1
 name = "unsure"
 [index]
@@ -392,7 +392,7 @@ def test_reports_missing_properties_of_resin(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
-    (Path(design).parent / "unsure.toml").write_text(UNSURE, encoding="utf-8")
+    (Path(design).parent / "unsure.toml").write_text(UNCERTAIN, encoding="utf-8")
     resin = ("--set", "material.resin=unsure.toml")
     warning = "warning: index: no reflectance went into it"
     for command in ("check", "lens", "trace"):

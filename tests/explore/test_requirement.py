@@ -1,4 +1,4 @@
-"""Requirements: what they mean, and that nothing but an expression of merits passes."""
+"""Requirements: evaluation of conditions, and refusal of anything but an expression of merits."""
 
 import numpy as np
 import pytest
@@ -26,12 +26,12 @@ BASE = dict.fromkeys(NAMES, 1.5)
         ("span > 1.5 and 1 < base_span < 2", [False, True, False]),
     ],
 )
-def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met: list[bool]) -> None:
+def test_requirement_is_met_if_condition_holds_and_merits_exist(text: str, met: list[bool]) -> None:
     assert Requirement.parse(text).met(MERITS, BASE).tolist() == met
 
 
 @pytest.mark.parametrize(
-    ("text", "named"),
+    ("text", "reason"),
     [
         ("__import__('os')", "condition"),
         ("null_deg.real < 1", "null_deg.real"),
@@ -57,10 +57,10 @@ def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met
         ("worst(light) > 0.1", "--robust"),
     ],
 )
-def test_anything_else_is_refused_by_name(text: str, named: str) -> None:
-    with pytest.raises(SpecError, match=r"--require") as refused:
+def test_refuses_other_expressions(text: str, reason: str) -> None:
+    with pytest.raises(SpecError, match=r"--require") as error:
         Requirement.parse(text)
-    assert named in str(refused.value)
+    assert reason in str(error.value)
 
 
 CASES = {name: np.array([1.0, 3.0, 2.0]) for name in NAMES} | {"null_deg": np.array([0.1, -0.4, 0.2])}
@@ -75,11 +75,11 @@ CASES = {name: np.array([1.0, 3.0, 2.0]) for name in NAMES} | {"null_deg": np.ar
         ("linearity_percent + worst(linearity_percent)", 4.0),
     ],
 )
-def test_the_worst_is_over_the_cases_and_other_merits_are_those_of_the_design(text: str, value: float) -> None:
+def test_worst_is_over_cases_and_other_merits_are_nominal(text: str, value: float) -> None:
     assert Goal.parse(text).value(CASES, BASE).max() == value
 
 
-def test_a_limit_may_bound_the_worst() -> None:
+def test_limit_on_worst_value() -> None:
     assert Limit.parse("span >= 1 and worst(linearity_percent) < 3.5").met(CASES, BASE).all()
     assert not Limit.parse("worst(linearity_percent) < 2.5").met(CASES, BASE).any()
     with pytest.raises(SpecError, match="one merit"):

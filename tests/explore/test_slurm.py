@@ -1,4 +1,4 @@
-"""Sweeps on the workers of a real SLURM cluster of one node, where its daemons are installed."""
+"""Sweeps on the workers of a real SLURM cluster with one node, if its daemons are installed."""
 
 import getpass
 import os
@@ -48,17 +48,17 @@ pytestmark = [
 ]
 
 
-def _free_ports(number: int) -> list[int]:
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(number)]
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
+def _free_ports(count: int) -> list[int]:
+    servers = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [server.getsockname()[1] for server in servers]
+    for server in servers:
+        server.close()
     return ports
 
 
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """Environment of commands on a cluster of one node, whose daemons run until the tests end."""
+    """Environment of commands for a cluster with one node, whose daemons run until the tests end."""
     pytest.importorskip("dask_jobqueue")
     folder = tmp_path_factory.mktemp("slurm")
     (folder / "spool").mkdir()
@@ -84,17 +84,17 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 
 def _wait_for_node(environment: dict[str, str], folder: Path) -> None:
     for _ in range(60):
-        asked = subprocess.run(
+        state = subprocess.run(
             [str(shutil.which("sinfo", path=FOLDERS)), "-h", "-o", "%T"],
             env=environment,
             capture_output=True,
             text=True,
         )
-        if asked.stdout.strip() == "idle":
+        if state.stdout.strip() == "idle":
             return
         time.sleep(0.5)
     logs = "\n".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.log")))
-    pytest.fail(f"the cluster of one node did not start: {asked.stdout}{asked.stderr}\n{logs}")
+    pytest.fail(f"the cluster did not start: {state.stdout}{state.stderr}\n{logs}")
 
 
 def _cluster_file(folder: Path, **changed: str) -> Path:
@@ -112,23 +112,23 @@ def _swept(folder: Path, name: str, environment: dict[str, str], *options: str) 
     return subprocess.run([*command, *options], env=environment, capture_output=True, text=True, timeout=300)
 
 
-def test_jobs_of_slurm_give_the_table_of_this_machine(slurm: dict[str, str], tmp_path: Path) -> None:
+def test_slurm_jobs_give_same_table(slurm: dict[str, str], tmp_path: Path) -> None:
     import xarray
 
     cluster = _cluster_file(tmp_path)
-    _swept(tmp_path, "here", slurm).check_returncode()
-    _swept(tmp_path, "there", slurm, "--cluster", str(cluster)).check_returncode()
-    here, there = (xarray.load_dataset(tmp_path / name / "small-sweep.nc") for name in ("here", "there"))
-    assert here.identical(there)
+    _swept(tmp_path, "local", slurm).check_returncode()
+    _swept(tmp_path, "remote", slurm, "--cluster", str(cluster)).check_returncode()
+    local, remote = (xarray.load_dataset(tmp_path / name / "small-sweep.nc") for name in ("local", "remote"))
+    assert local.identical(remote)
     logs = [path.read_text(encoding="utf-8") for path in tmp_path.glob("*.err")]
     workers = sum("Start worker at" in log for log in logs)
-    print(f"\n{here['light'].size} points by {len(logs)} jobs of SLURM, {workers} of them in time: an identical table")
+    print(f"\n{local['light'].size} points by {len(logs)} SLURM jobs, of which {workers} started a worker: same table")
     assert len(logs) == 2
     assert workers
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "named"),
+    ("key", "value", "reason"),
     [
         ("queue", "nosuch", "nosuch"),
         ("memory", "lots", "lots"),
@@ -136,10 +136,10 @@ def test_jobs_of_slurm_give_the_table_of_this_machine(slurm: dict[str, str], tmp
         ("walltime", "noon", "--time"),
     ],
 )
-def test_jobs_that_slurm_refuses_are_refused_at_once(
-    slurm: dict[str, str], tmp_path: Path, key: str, value: str, named: str
+def test_reports_jobs_rejected_by_slurm(
+    slurm: dict[str, str], tmp_path: Path, key: str, value: str, reason: str
 ) -> None:
-    asked = _swept(tmp_path, "refused", slurm, "--cluster", str(_cluster_file(tmp_path, **{key: f'"{value}"'})))
-    assert asked.returncode == 2
-    assert named in asked.stderr
-    assert without_waiting(asked.stderr).count("\n") == 1
+    run = _swept(tmp_path, "refused", slurm, "--cluster", str(_cluster_file(tmp_path, **{key: f'"{value}"'})))
+    assert run.returncode == 2
+    assert reason in run.stderr
+    assert without_waiting(run.stderr).count("\n") == 1

@@ -1,4 +1,4 @@
-"""Quick effects of tolerances equal those from integration of the same numbers."""
+"""Quick estimates of the effects of tolerances, compared with integration."""
 
 import numpy as np
 import pytest
@@ -15,24 +15,24 @@ def sensor() -> Sensor:
     return in_plane(Sensor.of(design))
 
 
-def test_changes_are_those_of_integrated_responses(sensor: Sensor) -> None:
-    found = {one.key: one for one in tolerance_effects(sensor)}
-    assert {"emitter.offset_mm", "emitter.width_mm", "material.index", "body.arm_width_mm"} <= found.keys()
-    assert "receivers.gap_mm" not in found
+def test_effects_agree_with_integration(sensor: Sensor) -> None:
+    effects = {effect.key: effect for effect in tolerance_effects(sensor)}
+    assert {"emitter.offset_mm", "emitter.width_mm", "material.index", "body.arm_width_mm"} <= effects.keys()
+    assert "receivers.gap_mm" not in effects
     for key in ("emitter.offset_mm", "material.index"):
-        own = found[key]
+        effect = effects[key]
         low, high = (
-            with_deviations(sensor, {key: sign * own.tolerance}).power(own.angle_deg.tolist()) for sign in (-1, 1)
+            with_deviations(sensor, {key: sign * effect.tolerance}).power(effect.angle_deg.tolist()) for sign in (-1, 1)
         )
         exact = 0.5 * (high.contrast - low.contrast)
         u = 0.5 * (high.u_contrast + low.u_contrast)
-        assert (np.abs(own.contrast - exact) <= 5 * own.u_contrast + u + 1e-3).all()
-        assert own.u_largest < own.largest
-    offset = found["emitter.offset_mm"]
-    assert offset.largest == max(one.largest for one in found.values())
-    assert (combined_change(list(found.values())) >= np.abs(offset.contrast)).all()
+        assert (np.abs(effect.contrast - exact) <= 5 * effect.u_contrast + u + 1e-3).all()
+        assert effect.u_largest < effect.largest
+    offset = effects["emitter.offset_mm"]
+    assert offset.largest == max(effect.largest for effect in effects.values())
+    assert (combined_change(list(effects.values())) >= np.abs(offset.contrast)).all()
 
 
-def test_it_stops_and_knows_what_the_batch_does_not(sensor: Sensor) -> None:
+def test_stops_on_request_and_omits_unsupported_motion(sensor: Sensor) -> None:
     assert list(tolerance_effects(sensor, lambda: True)) == []
     assert list(tolerance_effects(sensor.set({"motion.kind": "bend"}))) == []

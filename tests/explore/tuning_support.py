@@ -1,4 +1,4 @@
-"""A laboratory that prints drawings on a simulated printer and photographs them, for the tests of tuning."""
+"""A simulated laboratory that prints drawings and takes their micrographs, for the tests of tuning."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +10,7 @@ from solen.arrays import FloatArray
 from solen.explore import TunedPrint, TuneOptions, TuningLog, tune
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import as_designed, rings_of
-from solen.metrology import measure_lens, read_image
+from solen.metrology import LensInspection, measure_lens, read_image
 from solen.sensor import Sensor
 from solen.spec import loads, template
 from tests.explore.print_simulator import Printer
@@ -53,74 +53,83 @@ source = "simulated"
 
 @dataclass
 class Lab:
-    """A folder, a printer, and what was printed."""
+    """A folder, a printer, and the number of prints made."""
 
     folder: Path
     printer: Printer = field(default_factory=Printer)
-    taken: int = 0
+    prints: int = 0
 
     @property
     def slicing(self) -> Slicing:
-        """The printer and its process as files."""
+        """Slicing with the printer and its process as files."""
         process, printer = self.folder / "process.toml", self.folder / "printer.toml"
         process.write_text(PROCESS)
         printer.write_text(PRINTER)
         return Slicing(process=process, printer=str(printer))
 
     def image(self, ring: FloatArray, **shot: Any) -> Path:
-        """Micrograph of a new print of a drawing."""
-        self.taken += 1
-        outline = self.printer.printed(ring, self.taken)
-        path = self.folder / f"print-{self.taken}.png"
-        taken = Shot(outline, **({"um_per_px": UM_PER_PX, "angle_deg": 2.0 + self.taken} | shot))
-        path.write_bytes(png(taken.taken(self.taken)))
+        """Return the micrograph of a new print of a drawing."""
+        self.prints += 1
+        outline = self.printer.printed(ring, self.prints)
+        path = self.folder / f"print-{self.prints}.png"
+        micrograph = Shot(outline, **({"um_per_px": UM_PER_PX, "angle_deg": 2.0 + self.prints} | shot))
+        path.write_bytes(png(micrograph.taken(self.prints)))
         return path
 
-    def tuned(self, image: Path, log: TuningLog | None = None, **options: Any) -> TunedPrint:
-        """What follows from an image; the response is left out."""
-        stated = {"seen_from": "top", "um_per_px": UM_PER_PX, "u_um_per_px": 0.002 * UM_PER_PX, "repeat_um": 0.4}
-        chosen = TuneOptions(**(stated | options))
-        micrograph = read_image(image, options=chosen)
-        measured = measure_lens(micrograph, SENSOR.design, edge=chosen.edge, priors=chosen, seen_from=chosen.seen_from)
+    def tuned(self, image: Path, log: TuningLog | None = None, **changed: Any) -> TunedPrint:
+        """Return the result of tuning with an image; the response is not traced."""
         number = 1 if log is None else len(log.prints) + 1
-        return tune(measured, SENSOR, self.slicing, chosen, log, file=f"lens-tuned-{number}.toml", response=False)
+        file, options = f"lens-tuned-{number}.toml", _options(changed)
+        inspection = self.inspected(image, **changed)
+        return tune(inspection, SENSOR, self.slicing, options, log, file=file, response=False)
+
+    def inspected(self, image: Path, **changed: Any) -> LensInspection:
+        """Return the measurement of an image."""
+        options = _options(changed)
+        micrograph = read_image(image, options=options)
+        return measure_lens(micrograph, SENSOR.design, edge=options.edge, priors=options, seen_from=options.seen_from)
 
 
-def drawn_by(tuned: TunedPrint) -> FloatArray:
-    """The corrected drawing as a ring."""
-    return rings_of(tuned.made.outlines)[0]
+def _options(changed: dict[str, Any]) -> TuneOptions:
+    default = {"seen_from": "top", "um_per_px": UM_PER_PX, "u_um_per_px": 0.002 * UM_PER_PX, "repeat_um": 0.4}
+    return TuneOptions(**(default | changed))
+
+
+def drawing_of(tuned: TunedPrint) -> FloatArray:
+    """Return the next drawing as a ring."""
+    return rings_of(tuned.compensation.outlines)[0]
 
 
 def true_rms_um(outline: FloatArray) -> float:
-    """Deviation (rms) of an outline from the designed lens after the best rotation and shift; corners left out.
+    """Return the RMS deviation of an outline from the designed lens without corners, after the best rotation and shift.
 
-    By distances to a polyline and least squares of its own.
+    It is computed from distances to a polyline and a separate least-squares fit, independently of solen.
     """
     front = front_mm(shipped())[30:-30]
     inner = front[(np.abs(front[:, 0]) < 1.95)]
     near = outline[(outline[:, 1] < 1.95) & (np.abs(outline[:, 0]) < 2.1)]
     near = near[np.argsort(np.arctan2(near[:, 0], 2.5 - near[:, 1]))]
     for _ in range(6):
-        points, normals, away = _feet(near, inner)
+        points, normals, deviation = _deviations(near, inner)
         columns = np.column_stack([normals, normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]])
-        (x, z, turn), *_ = np.linalg.lstsq(columns, away, rcond=None)
-        near = near - np.array([x, z]) - turn * np.column_stack([-near[:, 1], near[:, 0]])
-    return 1e3 * float(np.sqrt(np.mean((away - columns @ [x, z, turn]) ** 2)))
+        (x, z, rotation), *_ = np.linalg.lstsq(columns, deviation, rcond=None)
+        near = near - np.array([x, z]) - rotation * np.column_stack([-near[:, 1], near[:, 0]])
+    return 1e3 * float(np.sqrt(np.mean((deviation - columns @ [x, z, rotation]) ** 2)))
 
 
-def _feet(near: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Places evenly along the designed front, its outward normals, and how far an outline lies outside there."""
+def _deviations(near: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return equidistant points on the designed front, outward normals, and the outward deviations of an outline."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(inner, axis=0).T))])
     even = np.linspace(0.0, length[-1], 600)
     points = np.column_stack([np.interp(even, length, inner[:, i]) for i in (0, 1)])
-    way = np.gradient(points, axis=0)
-    way /= np.hypot(*way.T)[:, None]
-    normals = np.column_stack([way[:, 1], -way[:, 0]])
-    away = []
+    tangents = np.gradient(points, axis=0)
+    tangents /= np.hypot(*tangents.T)[:, None]
+    normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+    deviations = []
     for point, normal in zip(points, normals, strict=True):
-        beside = near - point
-        along, across = beside @ normal, beside @ np.array([normal[1], -normal[0]])
-        close = np.abs(along) < 0.1
-        order = np.argsort(across[close])
-        away.append(np.interp(0.0, across[close][order], along[close][order]))
-    return points, normals, np.array(away)
+        offset = near - point
+        outward, along = offset @ normal, offset @ np.array([normal[1], -normal[0]])
+        close = np.abs(outward) < 0.1
+        order = np.argsort(along[close])
+        deviations.append(np.interp(0.0, along[close][order], outward[close][order]))
+    return points, normals, np.array(deviations)

@@ -1,4 +1,4 @@
-"""The commands of a soft body under load: what they print and write, and what they refuse."""
+"""The commands for a soft body under load: printed lines, files, and refused input."""
 
 import csv
 from pathlib import Path
@@ -39,47 +39,47 @@ def design(tmp_path: Path) -> Path:
     return file
 
 
-def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
+def test_deform_prints_reactions(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
     figure = tmp_path / "shape.svg"
-    found = answered(capfd, "deform", str(design), "--at", "-3", "--figure", str(figure))
-    assert (found["angle_deg"], found["turn_deg"]) == (-3.0, pytest.approx(-3.0))
-    forces = {one["name"]: one["force_N"] for one in found["reactions"]}
+    result = answered(capfd, "deform", str(design), "--at", "-3", "--figure", str(figure))
+    assert (result["angle_deg"], result["turn_deg"]) == (-3.0, pytest.approx(-3.0))
+    forces = {reaction["name"]: reaction["force_N"] for reaction in result["reactions"]}
     assert np.add(forces["mount"], forces["clamp"]) == pytest.approx([0.0, 0.0], abs=1e-9)
     drawing = figure.read_text(encoding="utf-8")
     assert "largest principal strain" in drawing
     assert "clamp.angle_deg" in drawing
     assert run_command(["deform", str(design), "--at", "-3"]) == 0
-    shown = capfd.readouterr().out
-    assert "rotate by -3 deg, move by +0, +0 mm" in shown
-    assert "N mm about 0, 40.2" in shown  # of a symmetric mount: x is rounding
-    assert "e-1" not in shown
-    assert "outside the motion's range" not in shown
+    output = capfd.readouterr().out
+    assert "rotate by -3 deg and move by +0, +0 mm" in output
+    assert "N mm about 0, 40.2" in output  # for a symmetric mount, x is a rounding error
+    assert "e-1" not in output
+    assert "outside the motion's range" not in output
     assert run_command(["deform", str(design), "--at", "4"]) == 0
     assert "clamp.angle_deg = 4 is outside the motion's range of -3 to 3 deg" in "".join(capfd.readouterr())
 
 
-def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
+def test_run_writes_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "focus.svg").write_text("of an earlier design", encoding="utf-8")
-    found = answered(capfd, "run", str(design), "--out", str(out))
-    assert found["files"] == {"report": str(out / "report.html")}
+    result = answered(capfd, "run", str(design), "--out", str(out))
+    assert result["files"] == {"report": str(out / "report.html")}
     names = {path.name for path in out.iterdir()}
-    pictures = {"response.svg", "shape.svg", "rays.svg"}
+    figures = {"response.svg", "shape.svg", "rays.svg"}
     solid = {path.name for path in out.glob("*.stl")} | {path.name for path in out.glob("*.3mf")}
     assert len(solid) == 2
-    assert names == {"report.html", "results.json", "results.csv"} | pictures | solid
+    assert names == {"report.html", "results.json", "results.csv"} | figures | solid
     with (out / "results.csv").open(encoding="utf-8") as file:
         assert next(file).startswith("# simulated")
         rows = list(csv.DictReader(file))
-    assert [float(row["contrast"]) for row in rows] == found["contrast"]
+    assert [float(row["contrast"]) for row in rows] == result["contrast"]
     assert [float(row["rigid_contrast"]) for row in rows] == pytest.approx([0.895, 0.0, -0.895], abs=2e-3)
     assert "moment of the clamp (N mm)" in (out / "response.svg").read_text(encoding="utf-8")
-    check_report(Page((out / "report.html").read_text(encoding="utf-8")), found)
+    check_report(Page((out / "report.html").read_text(encoding="utf-8")), result)
 
 
-def check_report(page: Page, found: dict[str, Any]) -> None:
-    """The report shows the numbers of the result, what holds the body, and loads nothing."""
+def check_report(page: Page, result: dict[str, Any]) -> None:
+    """Check that the report contains the results and the holds, and loads nothing."""
     assert page.texts["h1"] == ["clamped"]
     assert page.texts["h2"] == ["What to expect", "Response", "Shape", "Rays", "Assumptions"]
     assert page.tags["svg"] == page.tags["figcaption"] == 3
@@ -87,36 +87,35 @@ def check_report(page: Page, found: dict[str, Any]) -> None:
     assert all(target.startswith(("#", "data:")) for tag, target in page.loads if tag != "a")
     assert [target.rpartition(".")[2] for tag, target in page.loads if tag == "a"] == ["stl", "3mf"]
     terms = dict(zip(page.texts["dt"], page.texts["dd"], strict=True))
-    assert terms["Contrast"].startswith(f"{found['contrast'][0]:+.3f}"[:5])
+    assert terms["Contrast"].startswith(f"{result['contrast'][0]:+.3f}"[:5])
     assert "clamp (lens, turning)" in terms["Holds"]
     assert "Fingers" not in terms
-    for sentence in found["warnings"]:
-        assert any(sentence[1:-1] in shown for shown in page.texts["li"])
+    for warning in result["warnings"]:
+        assert any(warning[1:-1] in item for item in page.texts["li"])
     cells = page.texts["td"]
-    for row in found["reactions"][-1]:
-        at = cells.index(row["name"])
-        assert [float(text) for text in cells[at + 1 : at + 4]] == pytest.approx(
-            [*row["force_N"], row["moment_Nmm"]], abs=1e-3
-        )
+    for reaction in result["reactions"][-1]:
+        first = cells.index(reaction["name"]) + 1
+        values = [*reaction["force_N"], reaction["moment_Nmm"]]
+        assert [float(text) for text in cells[first : first + 3]] == pytest.approx(values, abs=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("command", "says"),
+    ("command", "message"),
     [
         (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; does not apply"),
         (["deform", "{}", "--at", "95"], "--at = 95.0; must be between"),
-        (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; is not the name of a face"),
+        (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; is not a face"),
         (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the list has 2"),
         (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; does not apply: the motion drives clamp.angle_deg"),
         (["run", "{}", "--set", "motion.drives=clamp.depth_mm", "--out", "{}.out"], "motion.drives = 'clamp.depth_mm'"),
     ],
 )
-def test_what_cannot_be_is_one_line_and_no_file(
-    capfd: pytest.CaptureFixture[str], design: Path, command: list[str], says: str
+def test_invalid_input_gives_one_line_and_no_file(
+    capfd: pytest.CaptureFixture[str], design: Path, command: list[str], message: str
 ) -> None:
     before = set(design.parent.iterdir())
     assert run_command([part.replace("{}", str(design)) for part in command]) == 2
     err = capfd.readouterr().err
-    assert says in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
     assert set(design.parent.iterdir()) == before

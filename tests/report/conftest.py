@@ -1,4 +1,4 @@
-"""Studies over few angles, traced once for all tests of the report."""
+"""Studies over a few angles, traced once for all tests of the report."""
 
 from collections.abc import Callable
 
@@ -46,12 +46,12 @@ absorption_per_mm = 0.01
 u_absorption_per_mm = 0.002
 wavelength_nm = 940
 """
-"""Resin whose index is known badly, and its loss elsewhere."""
+"""Resin with a large uncertainty of the index, and a loss at another wavelength."""
 
 PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space", "uncertain")
-"""Designs that are compared with their neighbours as well."""
+"""Designs that are also studied as built, with the effects of tolerances."""
 ALL_EFFECTS = ("paper", "uncertain")
-"""Those of which all numbers are compared."""
+"""Designs for which the effects of all parameters are computed."""
 
 Studies = Callable[[str], DesignStudy]
 Drawn = Callable[[str], dict[str, str]]
@@ -59,12 +59,12 @@ Drawn = Callable[[str], dict[str, str]]
 
 @pytest.fixture(scope="session")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
-    kept: dict[str, DesignStudy] = {}
+    cache: dict[str, DesignStudy] = {}
     folder = tmp_path_factory.mktemp("designs")
     (folder / "uncertain.toml").write_text(UNCERTAIN, encoding="utf-8")
 
     def get(name: str) -> DesignStudy:
-        if name not in kept:
+        if name not in cache:
             design = with_values(loads(template("paper-860")), {"motion.step_deg": 3.0, **DESIGNS[name]})
             design = design.in_folder(folder)
             with pytest.MonkeyPatch.context() as patch:
@@ -72,8 +72,8 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
                     patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm", "material.index"))
                 if name != "paper":
                     patch.setattr("solen.sensor.effects.HOLDS", {})
-                kept[name] = study(design, practical=name in PRACTICAL)
-        return kept[name]
+                cache[name] = study(design, practical=name in PRACTICAL)
+        return cache[name]
 
     return get
 
@@ -81,11 +81,11 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
 @pytest.fixture(scope="session")
 def drawn(studied: Studies) -> Drawn:
     """Figures of a study, drawn once for all tests."""
-    kept: dict[str, dict[str, str]] = {}
+    cache: dict[str, dict[str, str]] = {}
 
     def get(name: str) -> dict[str, str]:
-        if name not in kept:
-            kept[name] = figures(studied(name))
-        return dict(kept[name])
+        if name not in cache:
+            cache[name] = figures(studied(name))
+        return dict(cache[name])
 
     return get

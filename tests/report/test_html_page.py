@@ -1,4 +1,4 @@
-"""The report: one file that needs nothing else, safe for any name, with figures that do not disturb each other."""
+"""The report as a self-contained HTML file: content, escaping, and unique ids of its figures."""
 
 import re
 from collections import Counter
@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from solen.report.design.html import html, shown
-from solen.report.design.summary import advice, expected, matters
+from solen.report.design.html import html, number_text
+from solen.report.design.summary import advice, effect_rows, expected
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}
@@ -16,7 +16,7 @@ PAPER_FIGURES = ["lens-profile", "response", "matters", "focus", "rays", "rays-a
 
 
 class Page(HTMLParser):
-    """What a page is made of: its elements, ids, what it loads, its text by element."""
+    """Parsed page: counts of elements and ids, loaded addresses, and texts, keyed by element."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -51,12 +51,15 @@ class Page(HTMLParser):
             self.texts[self.open[-1]][-1] += data
 
 
+PLACEHOLDERS = dict.fromkeys(("response", "matters", "rays", "rays-at-the-lens"), "<svg></svg>")
+
+
 @pytest.fixture(scope="module")
 def text(studied: Studies, drawn: Drawn) -> str:
     return html(studied("paper"), drawn("paper"))
 
 
-def test_all_figures_are_inside_with_a_caption_each(text: str) -> None:
+def test_contains_all_figures_with_captions(text: str) -> None:
     page = Page(text)
     assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == len(PAPER_FIGURES)
     headings = [
@@ -72,7 +75,7 @@ def test_all_figures_are_inside_with_a_caption_each(text: str) -> None:
     assert page.texts["h1"] == ["Paper 860 nm"]
 
 
-def test_nothing_is_loaded_from_anywhere(text: str) -> None:
+def test_loads_nothing(text: str) -> None:
     page = Page(text)
     assert page.loads
     for tag, target in page.loads:
@@ -85,47 +88,48 @@ def test_nothing_is_loaded_from_anywhere(text: str) -> None:
     assert re.findall(r"https?://", without_names) == []
 
 
-def test_every_reference_finds_the_one_thing_it_means(text: str) -> None:
+def test_references_are_unambiguous(text: str) -> None:
     page = Page(text)
-    wanted = {target[1:] for _, target in page.loads if target.startswith("#")}
-    wanted |= set(re.findall(r"url\(#([^)]*)\)", text))
-    assert len(wanted) > 10
-    assert {name: page.ids[name] for name in wanted if page.ids[name] != 1} == {}
+    targets = {target[1:] for _, target in page.loads if target.startswith("#")}
+    targets |= set(re.findall(r"url\(#([^)]*)\)", text))
+    assert len(targets) > 10
+    assert {name: page.ids[name] for name in targets if page.ids[name] != 1} == {}
 
 
-def test_no_two_things_of_the_page_share_an_id(text: str) -> None:
+def test_ids_are_unique(text: str) -> None:
     ids = Page(text).ids
-    assert [name for name, times in ids.items() if times > 1] == []
+    assert [name for name, count in ids.items() if count > 1] == []
     svgs = [part.partition("</svg>")[0] for part in text.split("<svg")[1:]]
     order = ["matters", "response", "focus", "rays", "rays-at-the-lens", "rays-without-lens", "lens-profile"]
     for name, svg in zip(order, svgs, strict=True):
-        inside = re.findall(r' id="([^"]*)"', svg)
-        assert len(inside) > 10
-        assert {one for one in inside if not re.match(rf"{name}-(?!at-the-lens|without-lens)", one)} == set()
+        svg_ids = re.findall(r' id="([^"]*)"', svg)
+        assert len(svg_ids) > 10
+        assert all(re.match(rf"{name}-(?!at-the-lens|without-lens)", each) for each in svg_ids)
 
 
-def test_warnings_stand_at_the_top_of_the_page(studied: Studies, drawn: Drawn, text: str) -> None:
-    page = Page(html(studied("as published"), drawn("as published")))
-    assert [one[:35] for one in page.texts["li"][:2]] == [
+def test_warnings_are_at_top_of_page(studied: Studies, text: str) -> None:
+    page = Page(html(studied("as published"), PLACEHOLDERS))
+    assert [item[:35] for item in page.texts["li"][:2]] == [
         "Index: as published, and perhaps no",
         "Index: as published, n falls by 0.1",
     ]
     assert Page(text).texts["li"][0].startswith("The body is treated as rigid")
-    assert 'class="warnings"' not in html(studied("odd name"), drawn("odd name"))
+    assert 'class="warnings"' not in html(studied("odd name"), PLACEHOLDERS)
 
 
-def test_what_matters_stands_before_the_response(studied: Studies, text: str) -> None:
+def test_summary_precedes_response(studied: Studies, text: str) -> None:
     study = studied("paper")
-    first = text.partition("<h2>Response</h2>")[0]
-    for heading, words in expected(study):
-        assert f"<dt>{heading[0].upper()}{heading[1:]}</dt><dd>{escape(words)}</dd>" in first
-    for row in matters(study.practice)[1]:
-        assert f"<td>{row.name}</td><td>{row.by}</td>" in first
-        assert all(f"<td>{escape(change)}</td>" in first for change in row.contrast)
-    assert [f"<li>{one}</li>" in first for one in advice(study)] == [True] * len(advice(study)) != []
+    summary = text.partition("<h2>Response</h2>")[0]
+    for heading, sentence in expected(study):
+        assert f"<dt>{heading[0].upper()}{heading[1:]}</dt><dd>{escape(sentence)}</dd>" in summary
+    for row in effect_rows(study.practice)[1]:
+        assert f"<td>{row.name}</td><td>{row.by}</td>" in summary
+        assert all(f"<td>{escape(change)}</td>" in summary for change in row.contrast)
+    assert advice(study)
+    assert all(f"<li>{sentence}</li>" in summary for sentence in advice(study))
 
 
-def test_a_name_is_text_and_never_markup(studied: Studies, drawn: Drawn) -> None:
+def test_escapes_name(studied: Studies, drawn: Drawn) -> None:
     text = html(studied("odd name"), drawn("odd name"))
     page = Page(text)
     name = '<b>&" Ω </title><script>x</script>'
@@ -135,49 +139,40 @@ def test_a_name_is_text_and_never_markup(studied: Studies, drawn: Drawn) -> None
     assert "&lt;script&gt;" in text
 
 
-def test_a_design_without_lens_has_only_its_own_figures(studied: Studies, drawn: Drawn) -> None:
-    texts = drawn("no lens")
-    assert set(texts) == {"response", "matters", "rays", "rays-at-the-lens"}
-    page = Page(html(studied("no lens"), texts))
+def test_figures_of_design_without_lens(studied: Studies, drawn: Drawn) -> None:
+    figures = drawn("no lens")
+    assert set(figures) == {"response", "matters", "rays", "rays-at-the-lens"}
+    page = Page(html(studied("no lens"), figures))
     assert page.tags["svg"] == 4
     assert "with lens" not in "".join(page.texts["th"])
 
 
-def test_where_there_is_no_comparison_the_page_says_why(studied: Studies, drawn: Drawn, text: str) -> None:
-    study, texts = studied("no comparison"), drawn("no comparison")
+def test_states_why_comparison_is_missing(studied: Studies, drawn: Drawn, text: str) -> None:
+    study, figures = studied("no comparison"), drawn("no comparison")
     assert study.no_lens_refused is not None
-    assert set(texts) == set(PAPER_FIGURES) - {"matters", "focus", "rays-without-lens"}
-    page = Page(html(study, texts))
-    (told,) = [one for one in page.texts["p"] if "no comparison" in one]
-    assert study.no_lens_refused in told
+    assert set(figures) == set(PAPER_FIGURES) - {"matters", "focus", "rays-without-lens"}
+    page = Page(html(study, figures))
+    (paragraph,) = [each for each in page.texts["p"] if "no comparison" in each]
+    assert study.no_lens_refused in paragraph
     assert page.tags["svg"] == 4
     assert "no lens" not in "".join(page.texts["th"])
     assert "no comparison" not in text
 
 
-def test_the_table_of_all_angles_has_a_row_for_each(text: str, studied: Studies) -> None:
+def test_table_has_row_for_each_angle(text: str, studied: Studies) -> None:
     rows = text.split("All angles", 1)[1].split("</details>", 1)[0]
     first = [row.strip() for row in re.findall(r"<tr><td>([^<]*)</td>", rows)]
     assert first == ["-3", "0", "3"]
     power = studied("paper").to_dict()["response"]["lens"]["power"]
-    assert f"<td>{shown(power['right'][0])}</td>" in rows
-    assert f"<td>{shown(power['contrast'][-1])}</td>" in rows
+    assert f"<td>{number_text(power['right'][0])}</td>" in rows
+    assert f"<td>{number_text(power['contrast'][-1])}</td>" in rows
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("dark", "one-sided", "one angle", "mismatched", "half way", "no comparison"),
-    ],
-)
+@pytest.mark.parametrize("name", ["dark", "one-sided", "one angle", "mismatched", "half way", "no comparison"])
 def test_missing_numbers_are_dashes(studied: Studies, name: str) -> None:
-    study = studied(name)
-    text = html(
-        study,
-        {"response": "<svg></svg>", "matters": "<svg></svg>", "rays": "<svg></svg>", "rays-at-the-lens": "<svg></svg>"},
-    )
+    text = html(studied(name), PLACEHOLDERS)
     assert "None" not in text
-    assert not re.search(r">\s*-?(?:nan|inf)\s*<", text), "a number that is none is shown"
+    assert not re.search(r">\s*-?(?:nan|inf)\s*<", text)
 
 
 @pytest.mark.parametrize(
@@ -195,11 +190,11 @@ def test_missing_numbers_are_dashes(studied: Studies, name: str) -> None:
         (100.0, "100"),
     ],
 )
-def test_numbers_as_one_reads_them(value: object, text: str) -> None:
-    assert shown(value) == text
+def test_number_formats(value: object, text: str) -> None:
+    assert number_text(value) == text
 
 
-def test_the_last_picture_is_at_the_last_angle(studied: Studies, drawn: Drawn) -> None:
+def test_last_view_is_at_last_angle(studied: Studies, drawn: Drawn) -> None:
     assert studied("half way").case.power.angle_deg[-1] == 1.0
     for name in ("rays", "rays-at-the-lens", "rays-without-lens"):
         text = drawn("half way")[name].replace("−", "-")

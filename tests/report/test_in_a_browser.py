@@ -1,4 +1,4 @@
-"""The report as a browser lays it out, with no network."""
+"""Layout of the report in a browser without a network."""
 
 import json
 import re
@@ -20,32 +20,32 @@ FLAGS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 PROBE = """<script>addEventListener("load", () => {
-  document.querySelectorAll("details").forEach(one => one.open = true);
-  const box = one => { const b = one.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; };
-  const found = {
-    headings: [...document.querySelectorAll("h1, h2")].filter(one => one.offsetHeight > 0).map(one => one.textContent),
+  document.querySelectorAll("details").forEach(each => each.open = true);
+  const box = each => { const b = each.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; };
+  const layout = {
+    headings: [...document.querySelectorAll("h1, h2")].filter(h => h.offsetHeight > 0).map(h => h.textContent),
     figures: [...document.querySelectorAll("figure > svg")].map(box),
-    alts: [...document.querySelectorAll("figure > svg")].map(one => one.getAttribute("aria-label")),
-    pixels: [...document.querySelectorAll("figure > svg text")].map(one => {
-      const own = one.ownerSVGElement;
-      const shown = own.getBoundingClientRect().width / own.viewBox.baseVal.width;
-      return shown * parseFloat(getComputedStyle(one).fontSize);
+    alts: [...document.querySelectorAll("figure > svg")].map(svg => svg.getAttribute("aria-label")),
+    pixels: [...document.querySelectorAll("figure > svg text")].map(text => {
+      const svg = text.ownerSVGElement;
+      const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+      return scale * parseFloat(getComputedStyle(text).fontSize);
     }),
-    scrolled: [...document.querySelectorAll("figure, .scroll")].every(one => one.clientWidth <= innerWidth),
+    scrolled: [...document.querySelectorAll("figure, .scroll")].every(each => each.clientWidth <= innerWidth),
     page: getComputedStyle(document.body).backgroundColor,
     ink: getComputedStyle(document.body).color,
-    links: [...document.querySelectorAll("dd a")].map(one => one.getAttribute("href")),
+    links: [...document.querySelectorAll("dd a")].map(link => link.getAttribute("href")),
     captions: [...document.querySelectorAll("figcaption")].map(box),
-    findings: [...document.querySelectorAll("dd")].filter(one => one.offsetHeight > 0).length,
+    findings: [...document.querySelectorAll("dd")].filter(dd => dd.offsetHeight > 0).length,
     rows: document.querySelectorAll("details tbody tr").length,
-    loaded: performance.getEntriesByType("resource").map(one => one.name).filter(name => !name.startsWith("data:")),
+    loaded: performance.getEntriesByType("resource").map(each => each.name).filter(name => !name.startsWith("data:")),
     width: innerWidth,
-    wide: document.documentElement.scrollWidth,
+    content_width: document.documentElement.scrollWidth,
   };
-  const place = document.createElement("pre");
-  place.id = "probe";
-  place.textContent = JSON.stringify(found);
-  document.body.append(place);
+  const result = document.createElement("pre");
+  result.id = "probe";
+  result.textContent = JSON.stringify(layout);
+  document.body.append(result);
 });</script>"""
 
 SOLID = SolidFiles({"sensor.stl": b"", "sensor.3mf": b""})
@@ -53,46 +53,44 @@ SOLID = SolidFiles({"sensor.stl": b"", "sensor.3mf": b""})
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
 
-def laid_out(text: str, folder: Path, width: int, *flags: str) -> Any:
-    """What the probe finds in the page, laid out in a window of that width."""
+def probe(text: str, folder: Path, width: int, *flags: str) -> Any:
+    """Return the layout of the page in a window with a width."""
     page = folder / "the report.html"
     page.write_text(text.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")
-    own = [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom", page.as_uri()]
+    window = [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom", page.as_uri()]
     assert CHROMIUM is not None
-    done = subprocess.run([CHROMIUM, *FLAGS, *flags, *own], capture_output=True, timeout=50, check=True)
-    found = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout.decode("utf-8"), re.DOTALL)
-    assert found, done.stderr.decode("utf-8", "replace")[-500:]
-    return json.loads(unescape(found[1]))
+    run = subprocess.run([CHROMIUM, *FLAGS, *flags, *window], capture_output=True, timeout=50, check=True)
+    result = re.search(r'<pre id="probe">(.*?)</pre>', run.stdout.decode("utf-8"), re.DOTALL)
+    assert result, run.stderr.decode("utf-8", "replace")[-500:]
+    return json.loads(unescape(result[1]))
 
 
 @pytest.mark.parametrize("width", [1200, 520])
-def test_the_report_renders_with_all_figures_and_headings(
-    studied: Studies, drawn: Drawn, tmp_path: Path, width: int
-) -> None:
-    texts = drawn("paper")
-    found = laid_out(html(studied("paper"), texts, SOLID), tmp_path, width)
-    assert found["headings"] == [
+def test_renders_all_figures_and_headings(studied: Studies, drawn: Drawn, tmp_path: Path, width: int) -> None:
+    figures = drawn("paper")
+    layout = probe(html(studied("paper"), figures, SOLID), tmp_path, width)
+    assert layout["headings"] == [
         *("Paper 860 nm", "What to expect", "What matters", "What to do", "Response", "Background", "Rays"),
         "Lens and body",
     ]
-    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 7
-    for (left, top, wide, high), caption in zip(found["figures"], found["captions"], strict=True):
-        assert wide > 300
-        assert high > 80
+    assert len(layout["figures"]) == len(layout["captions"]) == len(figures) == 7
+    for (left, top, figure_width, height), caption in zip(layout["figures"], layout["captions"], strict=True):
+        assert figure_width > 300
+        assert height > 80
         assert left >= 0
-        assert caption[1] >= top + high - 1
-    assert found["scrolled"], "a figure or a table is wider than the window, and does not scroll by itself"
-    assert min(found["pixels"]) >= (6.0 if width < 600 else 8.0)
-    assert [len(alt) > 20 for alt in found["alts"]] == [True] * 7
-    assert found["links"] == ["sensor.stl", "sensor.3mf"]
-    assert found["findings"] == 11
-    assert found["rows"] == 3
-    assert found["loaded"] == []
-    assert found["wide"] <= found["width"], "the page scrolls sideways"
+        assert caption[1] >= top + height - 1
+    assert layout["scrolled"], "a figure or a table is wider than the window, and does not scroll by itself"
+    assert min(layout["pixels"]) >= (6.0 if width < 600 else 8.0)
+    assert [len(alt) > 20 for alt in layout["alts"]] == [True] * 7
+    assert layout["links"] == ["sensor.stl", "sensor.3mf"]
+    assert layout["findings"] == 11
+    assert layout["rows"] == 3
+    assert layout["loaded"] == []
+    assert layout["content_width"] <= layout["width"], "the page scrolls horizontally"
 
 
-def test_the_report_is_dark_where_the_reader_wants_it(studied: Studies, drawn: Drawn, tmp_path: Path) -> None:
-    found = laid_out(html(studied("paper"), drawn("paper")), tmp_path, 1200, "--blink-settings=preferredColorScheme=0")
-    page, ink = ([int(part) for part in re.findall(r"\d+", found[name])[:3]] for name in ("page", "ink"))
+def test_dark_mode(studied: Studies, drawn: Drawn, tmp_path: Path) -> None:
+    layout = probe(html(studied("paper"), drawn("paper")), tmp_path, 1200, "--blink-settings=preferredColorScheme=0")
+    page, ink = ([int(part) for part in re.findall(r"\d+", layout[name])[:3]] for name in ("page", "ink"))
     assert max(page) < 64
     assert min(ink) > 190

@@ -1,4 +1,4 @@
-"""Numbers as files: strict JSON with null for what is missing, and one row of CSV an angle."""
+"""Results as files: strict JSON with null for missing values, and a CSV table with a row for each angle."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ NAMES = [
 
 
 def strict(text: str) -> Any:
-    """JSON as the standard has it: no NaN, no Infinity."""
+    """Parse JSON without NaN and Infinity."""
 
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
@@ -32,12 +32,12 @@ def table(study: DesignStudy) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_results_are_strict_json_and_read_back_the_same(studied: Studies, name: str) -> None:
+def test_results_are_strict_json(studied: Studies, name: str) -> None:
     data = studied(name).to_dict()
     assert strict(json.dumps(data, allow_nan=False)) == data
 
 
-def test_what_is_missing_is_null(studied: Studies) -> None:
+def test_missing_values_are_null(studied: Studies) -> None:
     dark = studied("dark").to_dict()
     assert dark["summary"]["lens"]["contrast_from"] is None
     assert dark["summary"]["lens"]["null_deg"] is None
@@ -49,14 +49,14 @@ def test_what_is_missing_is_null(studied: Studies) -> None:
     assert studied("paper").to_dict()["material"]["u_index"] is None
 
 
-def test_a_design_without_lens_has_the_one_case(studied: Studies) -> None:
+def test_design_without_lens_has_single_case(studied: Studies) -> None:
     data = studied("no lens").to_dict()
     assert list(data["summary"]) == list(data["response"]) == ["no_lens"]
     assert data["lens"]["shape"] == "none"
     assert list(studied("paper").to_dict()["summary"]) == ["lens", "no_lens"]
 
 
-def test_a_comparison_that_cannot_be_is_left_out_and_said_why(studied: Studies) -> None:
+def test_states_why_comparison_is_missing(studied: Studies) -> None:
     study = studied("no comparison")
     data = study.to_dict()
     assert list(data["summary"]) == list(data["response"]) == ["lens"]
@@ -66,7 +66,7 @@ def test_a_comparison_that_cannot_be_is_left_out_and_said_why(studied: Studies) 
         assert studied(name).to_dict()["no_lens_refused"] is None
 
 
-def test_results_say_what_was_simulated(studied: Studies) -> None:
+def test_results_contain_design_and_material(studied: Studies) -> None:
     data = studied("acrylate").to_dict()
     assert data["simulated"] is True
     assert data["schema"] == 1
@@ -77,63 +77,63 @@ def test_results_say_what_was_simulated(studied: Studies) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_design_in_the_results_reads_back(studied: Studies, name: str) -> None:
+def test_design_round_trip(studied: Studies, name: str) -> None:
     design = studied(name).design
     assert Design(**studied(name).to_dict()["design"]).in_folder(design.folder) == design
 
 
-def test_the_design_in_the_results_leaves_the_loss_to_its_resin(studied: Studies) -> None:
+def test_resin_determines_loss_after_round_trip(studied: Studies) -> None:
     design = studied("acrylate").design
     assert not design.material.sets_absorption
     assert not Design(**studied("acrylate").to_dict()["design"]).material.sets_absorption
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_response_is_what_was_traced_and_its_ledgers_close(studied: Studies, name: str) -> None:
+def test_ledgers_are_closed(studied: Studies, name: str) -> None:
     study = studied(name)
     for case in study.to_dict()["response"].values():
-        for one in (case["count"], case["power"]):
-            assert one["angle_deg"] == list(study.design.motion.angles_deg())
-            for right, left, ledger in zip(one["right"], one["left"], one["ledger"], strict=True):
+        for response in (case["count"], case["power"]):
+            assert response["angle_deg"] == list(study.design.motion.angles_deg())
+            for right, left, ledger in zip(response["right"], response["left"], response["ledger"], strict=True):
                 assert sum(ledger.values()) == pytest.approx(1.0, abs=1e-12)
                 assert right + left == pytest.approx(ledger["detected"], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_summary_is_of_the_converged_power(studied: Studies, name: str) -> None:
+def test_summary_is_computed_from_power(studied: Studies, name: str) -> None:
     study = studied(name)
     data = study.to_dict()
-    for case, found in data["summary"].items():
+    for case, summary in data["summary"].items():
         power = data["response"][case]["power"]
-        assert found["from_deg"] == power["angle_deg"][0]
-        assert found["to_deg"] == power["angle_deg"][-1]
-        assert (found["contrast_from"], found["contrast_to"]) == (power["contrast"][0], power["contrast"][-1])
+        assert summary["from_deg"] == power["angle_deg"][0]
+        assert summary["to_deg"] == power["angle_deg"][-1]
+        assert (summary["contrast_from"], summary["contrast_to"]) == (power["contrast"][0], power["contrast"][-1])
         received = [right + left for right, left in zip(power["right"], power["left"], strict=True)]
-        assert found["received_share"] == pytest.approx(sum(received) / len(received))
-        assert found["u_power"] == max(power["u_power"])
-        assert found["ledger_error"] < 1e-12
-        assert (found["null_deg"], found["slope_per_deg"]) == (
+        assert summary["received_share"] == pytest.approx(sum(received) / len(received))
+        assert summary["u_power"] == max(power["u_power"])
+        assert summary["ledger_error"] < 1e-12
+        assert (summary["null_deg"], summary["slope_per_deg"]) == (
             study.cases[case].null_deg,
             study.cases[case].slope_per_deg,
         )
-        assert found["saturation_deg"] == study.cases[case].curve.saturation_deg()
-        assert found["rays_traced"] == sum(power["rays"]) + sum(data["response"][case]["count"]["rays"])
+        assert summary["saturation_deg"] == study.cases[case].curve.saturation_deg()
+        assert summary["rays_traced"] == sum(power["rays"]) + sum(data["response"][case]["count"]["rays"])
 
 
-def test_the_paper_s_numbers_are_in_the_summary(studied: Studies) -> None:
-    found = studied("paper").case.summary
-    assert found.contrast_from == pytest.approx(0.999, abs=2e-3)
-    assert found.received_share == pytest.approx(0.521, abs=2e-3)
-    assert found.null_deg == pytest.approx(0.0, abs=1e-3)
+def test_summary_contains_values_of_paper(studied: Studies) -> None:
+    summary = studied("paper").case.summary
+    assert summary.contrast_from == pytest.approx(0.999, abs=2e-3)
+    assert summary.received_share == pytest.approx(0.521, abs=2e-3)
+    assert summary.null_deg == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_table_has_a_header_and_one_row_an_angle(studied: Studies, name: str) -> None:
+def test_table_has_row_for_each_angle(studied: Studies, name: str) -> None:
     study = studied(name)
     rows = table(study)
     cases = list(study.cases)
     kinds = {"count": ("right", "left", "contrast"), "power": ("right", "left", "contrast", "u_power")}
-    columns = [f"{c}_{k}_{w}" for c in cases for k, whats in kinds.items() for w in whats]
+    columns = [f"{case}_{kind}_{name}" for case in cases for kind, names in kinds.items() for name in names]
     assert list(rows[0]) == ["angle_deg", *columns]
     assert [float(row["angle_deg"]) for row in rows] == list(study.design.motion.angles_deg())
 
@@ -165,9 +165,9 @@ def test_the_focus_is_reported_for_the_index_and_its_uncertainty(studied: Studie
 
 
 def test_rays_in_space_are_not_counted(studied: Studies) -> None:
-    found = studied("in space").to_dict()["response"]["lens"]
-    assert found["count"] is None
-    assert all(0.0 < u < 2e-4 for u in found["power"]["u_power"])
+    summary = studied("in space").to_dict()["response"]["lens"]
+    assert summary["count"] is None
+    assert all(0.0 < u < 2e-4 for u in summary["power"]["u_power"])
     assert not any("count" in column for column in table(studied("in space"))[0])
 
 

@@ -200,7 +200,7 @@ def test_supports_of_a_soft_body_have_the_largest_effect() -> None:
     assert holds["receiver-*"].contrast[0] == pytest.approx(-0.148, abs=0.005)
     assert abs(holds["outer-*"].contrast[0]) < 0.005
     (warning,) = paper().warnings
-    assert "held by the ends of the arms, the contrast differs by -0.15 at -3°" in warning
+    assert "supported at the ends of the arms, the contrast differs by -0.15 at -3°" in warning
 
 
 def test_warns_of_effects_omitted_for_a_missing_package(monkeypatch: pytest.MonkeyPatch) -> None:

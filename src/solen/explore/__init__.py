@@ -1,9 +1,9 @@
-"""Searches over all stages: sweeps, tolerances, inverse design, and drawings tuned print by print.
+"""Sweeps, tolerance analysis and optimisation of designs, and tuning of a drawing print by print.
 
-`sweep` traces a design over values of its numbers, `tolerance` traces prints with varying numbers, and `optimise`
-searches for numbers; all use the merits of `solen.explore.merits` and cache traces in a `Store`. `tune` takes a
-measured print and the log of earlier ones, and returns a `TunedPrint`: the next drawing, and the prediction of its
-print.
+`sweep` traces a design over values of its parameters, `tolerance` traces prints whose parameters vary, and `optimise`
+searches for the best values; all use the figures of merit of `solen.explore.merits` and cache traces in a `Store`.
+`tune` takes a measured print and the log of earlier ones, and returns a `TunedPrint`: the next drawing, and the
+prediction of its print.
 """
 
 from solen.explore.optimise import Front, OptimiseOptions, Optimum, optimise

@@ -1,8 +1,8 @@
-"""Adjustment of each print on the bench: a number is moved until the contrast at rest equals that of the design.
+"""Adjustment of each print on the bench: a parameter is changed until the contrast at the design's null is zero.
 
-The person who mounts an emitter moves it until both receivers read alike. The dependence of the contrast at the
-design's null on that number gives the shift that each print needs, up to a limit. Each print is then traced again with
-its shift.
+The person who mounts an emitter shifts it until both receivers give equal readings. The contrast at the design's null,
+as a function of that parameter, gives the adjustment that each print needs, up to a limit. Each print is then traced
+again with its adjustment.
 
 Public name: `Adjustment`.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray, IntArray
 from solen.errors import SpecError
 from solen.explore.store import Point
-from solen.explore.variations import deviation_of
+from solen.explore.variations import parse_deviation
 from solen.sensor import Sensor
 
 STEPS = 9
@@ -26,7 +26,7 @@ OPTION = "--adjust"
 
 @dataclass(frozen=True)
 class Adjustment:
-    """A number of the design and the limit of its movement to either side."""
+    """A parameter of the design and the largest adjustment of it in either direction."""
 
     key: str
     limit: float
@@ -37,7 +37,7 @@ class Adjustment:
         if sensor.is_network:
             limit = "adjusts a parameter until two receivers give equal readings, which does not apply to a network"
             raise SpecError(OPTION, value=text, limit=limit, remedy="omit it")
-        return cls(*deviation_of(text, sensor, OPTION))
+        return cls(*parse_deviation(text, sensor, OPTION))
 
     @property
     def steps(self) -> list[float]:
@@ -45,44 +45,48 @@ class Adjustment:
         steps: list[float] = np.linspace(-self.limit, self.limit, STEPS).tolist()
         return steps
 
-    def of(
+    def applied(
         self,
         angle_deg: FloatArray,
         null_deg: float,
-        alone: Sequence[Point],
+        design_points: Sequence[Point],
         prints: Sequence[Point],
-        off: Sequence[Mapping[str, float]],
+        deviations: Sequence[Mapping[str, float]],
     ) -> list[dict[str, float]]:
-        """Return the deviations of the prints after adjustment.
+        """Return the deviations of the prints after the adjustment.
 
         Parameters
         ----------
         angle_deg, null_deg
             Angles of all responses, and the design's null.
-        alone
+        design_points
             The design traced at `steps`.
-        prints, off
+        prints, deviations
             The prints and their deviations. A print without a response is not adjusted.
 
         Raises
         ------
         SpecError
-            If the design has no null, or the contrast there is not a monotonic function of the number.
+            If the design has no null, or the contrast there is not a monotonic function of the parameter.
         """
         if np.isnan(null_deg):
-            raise SpecError(OPTION, value=self.key, limit="the design has no null to which prints could be adjusted")
-        by_step = np.array([_contrast(angle_deg, point, null_deg) for point in alone])
+            limit = "the design has no null to which prints could be adjusted"
+            raise SpecError(OPTION, value=self.key, limit=limit, remedy="omit the option")
+        by_step = np.array([_contrast(angle_deg, point, null_deg) for point in design_points])
         rises = np.diff(by_step) * np.sign(by_step[-1] - by_step[0])
         if not (rises > 0.0).all():
             limit = (
                 f"the contrast at the design's null is not a monotonic function of this parameter over ± {self.limit:g}"
             )
-            raise SpecError(OPTION, value=self.key, limit=limit, remedy="name another parameter or a smaller limit")
+            raise SpecError(OPTION, value=self.key, limit=limit, remedy="specify another parameter or a smaller limit")
         order = np.argsort(by_step)
-        moved = [-self._equal(_contrast(angle_deg, point, null_deg), by_step, order) for point in prints]
-        return [{**one, self.key: one.get(self.key, 0.0) + step} for one, step in zip(off, moved, strict=True)]
+        steps = [-self._step_at(_contrast(angle_deg, point, null_deg), by_step, order) for point in prints]
+        return [
+            {**deviation, self.key: deviation.get(self.key, 0.0) + step}
+            for deviation, step in zip(deviations, steps, strict=True)
+        ]
 
-    def _equal(self, contrast: float, by_step: FloatArray, order: IntArray) -> float:
+    def _step_at(self, contrast: float, by_step: FloatArray, order: IntArray) -> float:
         """Return the deviation at which the design has the given contrast; 0 if the contrast is NaN."""
         if np.isnan(contrast):
             return 0.0

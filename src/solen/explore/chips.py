@@ -1,7 +1,7 @@
-"""Chips of a sweep that share their rays: points that differ only in width and decentre need one trace.
+"""Chips of a sweep that share their rays: points that differ only in the chip's width and decentre need one trace.
 
-The compiled batch traces a design for all positions of an emitter, and each chip is a weighted sum of these
-(`solen.sensor.respond`).
+The compiled batch traces a design for a lattice of emitter positions, and the response to each chip is a weighted sum
+over them (`solen.sensor.respond`).
 
 Public names: `chips_of` and `chips_last`.
 """
@@ -19,11 +19,11 @@ from solen.spec import Design
 
 KEYS = ("emitter.width_mm", "emitter.offset_mm")
 MAX_REACH = 8.0
-"""Longest range of positions, in widths of the narrowest chip, for which sharing rays saves time."""
+"""Largest range of emitter positions, in widths of the narrowest chip, for which sharing rays saves time."""
 
 
 def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
-    """Return widths and decentres of a grid to be traced together; empty if that is impossible or saves no time."""
+    """Return widths and decentres of a grid for one common trace; empty if that is impossible or saves no time."""
     values = {axis.key: axis.values for axis in axes}
     sensor = Sensor.of(design)
     widths = values.get(KEYS[0], (sensor.light.width_mm,))
@@ -37,8 +37,9 @@ def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
 
 
 def chips_last(axes: Sequence[Axis]) -> list[int]:
-    """Return the numbers of the points of a grid, ordered so that the chips of each design follow one another."""
-    numbers = np.arange(math.prod(len(axis.values) for axis in axes)).reshape([len(axis.values) for axis in axes])
-    of_chips = [axis.key in KEYS for axis in axes]
-    order: list[int] = numbers.transpose(np.argsort(of_chips, kind="stable").tolist()).ravel().tolist()
+    """Return the indices of the points of a grid, ordered so that the chips of each design are consecutive."""
+    shape = [len(axis.values) for axis in axes]
+    indices = np.arange(math.prod(shape)).reshape(shape)
+    is_chip_axis = [axis.key in KEYS for axis in axes]
+    order: list[int] = indices.transpose(np.argsort(is_chip_axis, kind="stable").tolist()).ravel().tolist()
     return order

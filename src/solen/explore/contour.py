@@ -1,10 +1,10 @@
-"""The outline of a lens and its walls as one contour, and the deviation of a print in an image along it.
+"""The front of a lens and its walls as one contour, and the deviation along it of a print in an image.
 
-Wall, front and wall form one contour with the material on its left. Lengths along it are measured from the left end of
-the front. The thousand or so points of an image are averaged over short pieces with known noise. Each piece gives the
-local deviation of the print from the design after registration, with size and overgrowth included.
+Left wall, front and right wall form one contour. Lengths along it are measured from the left end of the front. The
+thousand or so edge points of an image are averaged over short pieces with known noise. The mean of each piece is the
+local deviation of the registered print from the design, with the errors of size and overgrowth still included.
 
-Public names: `Contour` and `Rows`.
+Public names: `Contour` and `ContourDeviations`.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from solen.metrology.print_fit import EDGE_BIAS_PX, registered
 
 FRONT_PIECES, WALL_PIECES = 100, 8
 SHARED_LINES = 2.0
-"""Number of neighbouring edge points that share grey values and count as one."""
+"""Number of neighbouring edge points that share grey values and are therefore treated as one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +48,13 @@ class Contour:
         return np.concatenate(arcs), np.vstack(pieces), np.vstack([outward(piece) for piece in pieces])
 
     def by_rigid(self, arc_mm: FloatArray) -> FloatArray:
-        """Derivatives (N, 3) of deviations with respect to rotation and shifts along x and z."""
+        """Return the derivatives (N, 3) of deviations with respect to rotation and to shifts along x and z."""
         points, normals = self.at(arc_mm)
-        turned = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
-        return np.column_stack([turned, normals])
+        by_rotation = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
+        return np.column_stack([by_rotation, normals])
 
     def by_size(self, arc_mm: FloatArray) -> FloatArray:
-        """Derivative (N,) of deviations, in mm, with respect to the logarithm of size, about the front's centre."""
+        """Return the derivatives (N,) of deviations, in mm, with respect to relative size, about the front's centre."""
         points, normals = self.at(arc_mm)
         return np.asarray(np.sum((points - self.centre_mm) * normals, axis=1))
 
@@ -65,17 +65,17 @@ class Contour:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ContourDeviations:
     """Deviations of a print in N pieces along a contour.
 
     Attributes
     ----------
     arc_mm
-        Lengths (N,) along the contour; those of the walls are below 0 or beyond the front's length.
+        Lengths (N,) along the contour; those of the walls are negative or exceed the front's length.
     deviation_um, u_um
         Deviation of the print at the scale of its image, and its standard uncertainty from noise (N,).
     um_per_px, u_um_per_px
-        Scale of the image, and its standard uncertainty, or None if that is not stated.
+        Scale of the image, and its standard uncertainty, or None if that is not specified.
     """
 
     arc_mm: FloatArray
@@ -85,27 +85,28 @@ class Rows:
     u_um_per_px: float | None
 
     @classmethod
-    def of(cls, inspection: LensInspection) -> "Rows":
-        """Return the deviations of the chosen edge and the walls behind it."""
+    def of(cls, inspection: LensInspection) -> "ContourDeviations":
+        """Return the deviations of the chosen edge and of the walls behind it."""
         chosen, nominal = inspection.outline.chosen, inspection.nominal
         front, walls = registered(chosen.traced, nominal, chosen.size)
         u_um = chosen.edge.measured[1] * inspection.image.um_per_px
-        near = nominal.nearest(front)
-        inner = (near.arc_mm > END_MM) & (near.arc_mm < near_end(nominal)) & ~near.beyond & chosen.size.on_front
-        parts = [_pieces(near.arc_mm[inner], near.deviation_mm[inner], u_um[inner], FRONT_PIECES)]
-        sides = iter(nominal.walls)
-        ends = (-arc_lengths(nominal.left_mm)[-1:], near_end(nominal) + END_MM + np.zeros(1))
-        for number, (points, line) in enumerate(zip(walls, (nominal.left_mm, nominal.right_mm), strict=True)):
+        nearest = nominal.nearest(front)
+        inner = (nearest.arc_mm > END_MM) & (nearest.arc_mm < corner_arc_mm(nominal))
+        inner &= ~nearest.beyond & chosen.size.on_front
+        parts = [_pieces(nearest.arc_mm[inner], nearest.deviation_mm[inner], u_um[inner], FRONT_PIECES)]
+        nominal_walls = iter(nominal.walls)
+        starts = (-arc_lengths(nominal.left_mm)[-1:], corner_arc_mm(nominal) + END_MM + np.zeros(1))
+        for side, (points, line) in enumerate(zip(walls, (nominal.left_mm, nominal.right_mm), strict=True)):
             if len(line) < 2:
                 continue
-            wall = next(sides)
+            wall = next(nominal_walls)
             if points is None:
                 continue
-            foot = wall.nearest(points)
-            past = 0.0 if number == 0 else float(arc_lengths(line)[-1] - wall.arc_mm[-1])
-            on = ~foot.beyond
-            along = float(ends[number][0]) + past + foot.arc_mm[on]
-            parts.append(_pieces(along, foot.deviation_mm[on], np.full(int(on.sum()), np.median(u_um)), WALL_PIECES))
+            nearest = wall.nearest(points)
+            omitted = 0.0 if side == 0 else float(arc_lengths(line)[-1] - wall.arc_mm[-1])
+            on = ~nearest.beyond
+            along = float(starts[side][0]) + omitted + nearest.arc_mm[on]
+            parts.append(_pieces(along, nearest.deviation_mm[on], np.full(int(on.sum()), np.median(u_um)), WALL_PIECES))
         arc, deviation, u = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         scale = inspection.scale
         return cls(arc, 1e3 * deviation, u, scale.um_per_px, scale.u_um_per_px)
@@ -116,7 +117,7 @@ class Rows:
         return EDGE_BIAS_PX * self.um_per_px
 
 
-def near_end(nominal: NominalFront) -> float:
+def corner_arc_mm(nominal: NominalFront) -> float:
     """Return the length along the front at which its right corner begins."""
     return float(nominal.arc_mm[-1]) - END_MM
 
@@ -124,14 +125,14 @@ def near_end(nominal: NominalFront) -> float:
 def _pieces(
     arc: FloatArray, deviation: FloatArray, u: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return means of a contour's points over equal pieces, and their uncertainty from noise."""
+    """Return the mean position and deviation of equally long pieces, and the uncertainty of the latter from noise."""
     if not len(arc):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     edges = np.linspace(arc.min(), arc.max(), count + 1)[1:-1]
-    which = np.digitize(arc, edges)
-    number = np.bincount(which, minlength=count)
-    seen = number > 0
-    number = number[seen]
-    mean_arc, mean = (np.bincount(which, one, count)[seen] / number for one in (arc, deviation))
-    square = np.bincount(which, u**2, count)[seen] / number
-    return mean_arc, mean, np.sqrt(square * SHARED_LINES / np.maximum(number, SHARED_LINES))
+    piece = np.digitize(arc, edges)
+    points = np.bincount(piece, minlength=count)
+    filled = points > 0
+    points = points[filled]
+    mean_arc, mean = (np.bincount(piece, values, count)[filled] / points for values in (arc, deviation))
+    square = np.bincount(piece, u**2, count)[filled] / points
+    return mean_arc, mean, np.sqrt(square * SHARED_LINES / np.maximum(points, SHARED_LINES))

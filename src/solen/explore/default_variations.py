@@ -1,4 +1,4 @@
-"""Default variations between prints: from the process, the emitter's part, the resin and the tolerances.
+"""Default variations between prints: those of the process, the emitter's part, the resin and the tolerances.
 
 Public name: `variations_of`.
 """
@@ -23,86 +23,95 @@ from solen.sensor.effects import with_deviations
 from solen.sensor.numbers import MATERIAL_KEYS, number, optical_keys, tolerance_of, why_inert
 
 USUAL = "usual"
-"""Text that stands for all variations that are not stated."""
+"""Value of ``--vary`` that adds the default variations to the specified ones."""
 GROWTH, SHRINKAGE = "process growth_um", "process shrinkage_percent"
-GROWN = {"body.arm_width_mm": 2e-3, "lens.half_width_mm": 1e-3, "emitter.distance_mm": -1e-3}
-"""Change of each number per µm of wall growth; the lens moves towards the emitter."""
-SHRUNK = ("body.stem_length_mm", "body.arm_length_mm", "body.arm_width_mm", "lens.half_width_mm", "lens.focus_mm")
-EXACT = 1e-6
-"""Standard deviation of a number that a process states without uncertainty."""
-OF_THE_PART = {"emitter.wavelength_nm": "peak_nm", "emitter.width_mm": "width_mm", "emitter.height_mm": "height_mm"}
+MM_PER_GROWTH_UM = {"body.arm_width_mm": 2e-3, "lens.half_width_mm": 1e-3, "emitter.distance_mm": -1e-3}
+"""Change of each parameter per µm of wall growth; the lens moves towards the emitter."""
+SHRINKING = ("body.stem_length_mm", "body.arm_length_mm", "body.arm_width_mm", "lens.half_width_mm", "lens.focus_mm")
+MIN_SD = 1e-6
+"""Standard deviation of a property that a process file specifies without uncertainty, in µm or per cent."""
+DATASHEET_LIMITS = {
+    "emitter.wavelength_nm": "peak_nm",
+    "emitter.width_mm": "width_mm",
+    "emitter.height_mm": "height_mm",
+}
+"""Attribute of a part with the limits of a parameter."""
 
 
 def variations_of(
     sensor: Sensor, texts: Sequence[str], process: Path | None = None, *, compensated: bool = False
 ) -> list[Variation]:
-    """Return the variations of texts, of a process and, without a text or with ``usual``, of all numbers not stated.
+    """Return the specified variations, those of a process and, without texts or with ``usual``, the default ones.
 
     Raises
     ------
     SpecError
-        If a text is malformed, or a number varies twice.
+        If a text is malformed, or a parameter varies twice.
     DataError
         If the process file cannot be read.
     """
-    stated = [variation(text, sensor) for text in texts if text.strip() != USUAL]
-    printed = [] if process is None else of_process(sensor, read_process(process), compensated=compensated)
-    found = [*stated, *printed]
-    keys = [one.key for one in found]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice:
-        raise SpecError(f"--vary {twice}", limit="is specified twice", remedy="omit one")
-    if len(stated) < len(texts) or not texts:
-        of_the_print = {*GROWN, *SHRUNK} - {"emitter.distance_mm"} if printed else set()
-        known = {key for one in stated for key in one.weights} | of_the_print
-        found += usual_variations(sensor, known)
-    return found
+    specified = [variation(text, sensor) for text in texts if text.strip() != USUAL]
+    printed = [] if process is None else process_variations(sensor, read_process(process), compensated=compensated)
+    variations = [*specified, *printed]
+    keys = [variation.key for variation in variations]
+    repeated = next((key for key in keys if keys.count(key) > 1), None)
+    if repeated:
+        raise SpecError(f"--vary {repeated}", limit="is specified twice", remedy="omit one of the variations")
+    if len(specified) < len(texts) or not texts:
+        by_process = {*MM_PER_GROWTH_UM, *SHRINKING} - {"emitter.distance_mm"} if printed else set()
+        known = {key for variation in specified for key in variation.weights} | by_process
+        variations += default_variations(sensor, known)
+    return variations
 
 
-def of_process(sensor: Sensor, process: Process, *, compensated: bool) -> list[Variation]:
-    """Return the growth of walls and the shrinkage stated by a process, as independent variations.
+def process_variations(sensor: Sensor, process: Process, *, compensated: bool) -> list[Variation]:
+    """Return the wall growth and the shrinkage of a process as independent variations.
 
-    If a calibration fitted both, shrinkage varies with growth according to their covariance, and its remainder is
-    independent.
+    If a calibration fitted both, the part of the shrinkage that is correlated with growth varies with it, and the
+    remainder is independent.
     """
     if sensor.is_network:
         limit = "describes the growth of the walls of a Y, which does not apply to a network"
         raise SpecError("--process", value=process.name, limit=limit, remedy="vary network.guides[0].width_mm")
     process = with_resin(process, sensor.design)
     keys, covariance = process.covariance()
-    by_key = np.array([_of_one(process, key, math.sqrt(covariance[place, place])) for place, key in enumerate(keys)])
+    by_key = np.array([_derivatives(process, key, math.sqrt(covariance[k, k])) for k, key in enumerate(keys)])
     (growth2, both), (_, shrinkage2) = (by_key.T @ covariance @ by_key).tolist() if len(keys) else ([0.0] * 2,) * 2
-    grown, shrunk = _moved(sensor, GROWN), _moved(sensor, dict.fromkeys(SHRUNK, -0.01), by_length=True)
-    with_growth = both / growth2 if growth2 else 0.0
-    together = {key: grown.get(key, 0.0) + with_growth * shrunk.get(key, 0.0) for key in {**grown, **shrunk}}
-    rest = math.sqrt(max(shrinkage2 - with_growth * both, 0.0))
-    mean, mean_rest = growth_um(process.process), process.process.shrinkage_percent
-    mean_rest -= with_growth * mean
+    growth_weights = _weights(sensor, MM_PER_GROWTH_UM)
+    shrinkage_weights = _weights(sensor, dict.fromkeys(SHRINKING, -0.01), by_length=True)
+    slope = both / growth2 if growth2 else 0.0
+    combined = {
+        key: growth_weights.get(key, 0.0) + slope * shrinkage_weights.get(key, 0.0)
+        for key in {**growth_weights, **shrinkage_weights}
+    }
+    remainder_sd = math.sqrt(max(shrinkage2 - slope * both, 0.0))
+    growth = growth_um(process.process)
+    remainder = process.process.shrinkage_percent - slope * growth
     source = f"process {process.name}{', compensated' if compensated else ''}"
     return [
-        Variation(name, "normal", 0.0 if compensated else middle, max(sd, EXACT), source, weights)
-        for name, middle, sd, weights in (
-            (GROWTH, mean, math.sqrt(growth2), together if with_growth else grown),
-            (SHRINKAGE, mean_rest, rest, shrunk),
+        Variation(name, "normal", 0.0 if compensated else mean, max(sd, MIN_SD), source, weights)
+        for name, mean, sd, weights in (
+            (GROWTH, growth, math.sqrt(growth2), combined if slope else growth_weights),
+            (SHRINKAGE, remainder, remainder_sd, shrinkage_weights),
         )
-        if weights and (sd > 0.0 or (middle and not compensated))
+        if weights and (sd > 0.0 or (mean and not compensated))
     ]
 
 
-def _of_one(process: Process, key: str, u: float) -> list[float]:
-    """Return the change of growth and shrinkage per unit of one number of a process."""
+def _derivatives(process: Process, key: str, u: float) -> list[float]:
+    """Return the derivatives of growth and shrinkage with respect to one property of a process."""
 
-    def walls(settings: Settings) -> FloatArray:
+    def growth_and_shrinkage(settings: Settings) -> FloatArray:
         return np.array([growth_um(settings), settings.shrinkage_percent])
 
-    change: list[float] = (half_difference(process, key, u, walls) / u).tolist()
-    return change
+    derivatives: list[float] = (half_difference(process, key, u, growth_and_shrinkage) / u).tolist()
+    return derivatives
 
 
-def _moved(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
-    """Return the weights of the numbers that exist in the design; relative weights are multiplied by the values."""
-    there = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
-    return {key: weight * number(sensor, key) for key, weight in there.items()} if by_length else there
+def _weights(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
+    """Return the weights of the parameters that the design has, multiplied by their lengths if ``by_length``."""
+    present = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
+    return {key: weight * number(sensor, key) for key, weight in present.items()} if by_length else present
 
 
 def _is_absent(sensor: Sensor, key: str) -> bool:
@@ -113,17 +122,17 @@ def _is_absent(sensor: Sensor, key: str) -> bool:
     return bool(why_inert(sensor, key))
 
 
-def usual_variations(sensor: Sensor, known: set[str]) -> Iterator[Variation]:
-    """Return variations of the numbers that affect the light and are uncertain: by part, resin or tolerance."""
+def default_variations(sensor: Sensor, known: set[str]) -> Iterator[Variation]:
+    """Yield variations of all other parameters that affect the light, from the part, the resin or the tolerances."""
     for key in optical_keys(sensor):
         if key in known or (key not in MATERIAL_KEYS and why_inert(sensor, key)):
             continue
-        yield _of_part(sensor, key) or _of_tolerance(sensor, key)
+        yield _from_part(sensor, key) or _from_tolerance(sensor, key)
 
 
-def _of_part(sensor: Sensor, key: str) -> Variation | None:
-    """Return the limits in the datasheet of the design's emitter for a number that the part determines."""
-    design, name = sensor.design, OF_THE_PART.get(key, "")
+def _from_part(sensor: Sensor, key: str) -> Variation | None:
+    """Return a variation within the limits of the emitter's datasheet; None if the part does not determine the key."""
+    design, name = sensor.design, DATASHEET_LIMITS.get(key, "")
     if not name or design.emitter.part is None or key.partition(".")[2] in design.emitter.model_fields_set:
         return None
     part = library_part(design.emitter.part) if design.part_file is None else load_part(design.part_file)
@@ -133,20 +142,20 @@ def _of_part(sensor: Sensor, key: str) -> Variation | None:
     return Variation(key, "uniform", limits.min - limits.nominal, limits.max - limits.nominal, f"part {part.name}")
 
 
-def _of_tolerance(sensor: Sensor, key: str) -> Variation:
-    """Return a resin's standard uncertainty as a normal distribution, or a tolerance as limits."""
+def _from_tolerance(sensor: Sensor, key: str) -> Variation:
+    """Return a normal distribution for the standard uncertainty of a resin, and a uniform one for a tolerance."""
     size, is_standard = tolerance_of(sensor, key)
-    stated = key.partition("[")[0].replace(".", "_") in sensor.design.tolerance.model_fields_set
-    source = f"resin {sensor.design.material.resin}" if is_standard else "[tolerance]" if stated else "assumed"
+    specified = key.partition("[")[0].replace(".", "_") in sensor.design.tolerance.model_fields_set
+    source = f"resin {sensor.design.material.resin}" if is_standard else "[tolerance]" if specified else "assumed"
     if is_standard and _is_possible(sensor, key, -3.0 * size):
         return Variation(key, "normal", 0.0, size, source)
     size *= math.sqrt(3.0) if is_standard else 1.0
-    least = -size if _is_possible(sensor, key, -size) else -min(size, number(sensor, key))
-    return Variation(key, "uniform", least if _is_possible(sensor, key, least) else 0.0, size, source)
+    lower = -size if _is_possible(sensor, key, -size) else -min(size, number(sensor, key))
+    return Variation(key, "uniform", lower if _is_possible(sensor, key, lower) else 0.0, size, source)
 
 
 def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
-    """Return whether a number may deviate by a step; an absorption, for example, is not negative."""
+    """Return whether a parameter may deviate by a step; an absorption, for example, cannot be negative."""
     try:
         with_deviations(sensor, {key: step})
     except (SpecError, DesignError):

@@ -1,13 +1,14 @@
 """The response of a design while a user changes it, first roughly and then with increasing accuracy.
 
-While a number is being changed, a few rays of the compiled batch give a response with a large but stated uncertainty.
-Once it stops changing, the number of rays increases until the contrast is known to `GOAL`. Sensors that the batch does
-not support are integrated.
+While a parameter is being changed, a few rays of the compiled batch give a response with a large uncertainty, which is
+reported. Once it stops changing, the number of rays increases until the uncertainty of the contrast is below `GOAL`.
+Sensors that the batch does not support are integrated.
 
-Public names: `coarse`, `refined` and `misleading`.
+Public names: `coarse`, `refined` and `planar_model_error`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -26,7 +27,7 @@ GOAL = 2e-3
 """Uncertainty of the contrast at which refinement ends."""
 
 
-class Stopped(Exception):  # noqa: N818  a wish, not an error
+class Stopped(Exception):  # noqa: N818  a request, not an error
     """Raised when the refinement is stopped."""
 
 
@@ -40,7 +41,7 @@ class Curve(Result):
     merits
         Merits of the response, or None with fewer than three angles.
     in_space
-        Whether rays were traced in space.
+        Whether the rays were traced in space (3-D).
     rays
         Number of rays per angle, or None if the response was integrated.
     finished
@@ -92,21 +93,22 @@ def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
 
 
 def largest_u(response: Response) -> float:
-    """Largest uncertainty of the contrast over the angles at which any light arrives."""
+    """Return the largest uncertainty of the contrast over the angles at which any light arrives."""
     u = response.u_contrast
     return float(u[np.isfinite(u)].max(initial=0.0))
 
 
-def misleading(plane: Response, space: Response) -> str:
-    """Describe the error of the planar model in words; empty if plane and space agree."""
-    found = shift(plane, space)
-    if found is None or found.contrast - found.u_contrast <= MIN_CONTRAST_CHANGE:
+def planar_model_error(plane: Response, space: Response) -> str:
+    """Return a sentence on the error of the planar model; empty if plane and space agree."""
+    difference = shift(plane, space)
+    if difference is None or difference.contrast - difference.u_contrast <= MIN_CONTRAST_CHANGE:
         return ""
-    words = (
-        f"The plane is misleading here: its contrast differs by up to {found.contrast:.2f} ± {found.u_contrast:.1g} "
-        f"from that in space, at {found.angle_deg:+.3g}°. Use the values from the curve in space."
+    sentence = (
+        f"The model in the plane is misleading for this design: its contrast differs by up to {difference.contrast:.2f}"
+        f" ± {difference.u_contrast:.1g} from that in space, at {difference.angle_deg:+.3g}°. "
+        "Use the values from the curve in space."
     )
-    return words.replace("-", "−")
+    return sentence.replace("-", "−")
 
 
 def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
@@ -114,15 +116,13 @@ def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
     pairs: dict[float, list[float]] = {}
     for angle in sensor.design.motion.angles_deg():
         pairs.setdefault(abs(angle), []).append(angle)
-    found: Response | None = None
-    for angles in pairs.values():
+
+    def traced(angles: list[float]) -> Response:
         if stop():
             raise Stopped
-        part = batched_response(sensor, angles, rays)
-        found = part if found is None else found.merged(part)
-    if found is None:
-        raise AssertionError("a motion has angles")
-    return found
+        return batched_response(sensor, angles, rays)
+
+    return reduce(Response.merged, map(traced, pairs.values()))
 
 
 def batched_response(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:
@@ -137,12 +137,12 @@ def batched_response(sensor: Sensor, angles: Sequence[float], rays: int) -> Resp
 
 
 def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
-    def go_on(_: float) -> None:
+    def progress(_: float) -> None:
         if stop():
             raise Stopped
 
     try:
-        response = sensor.power(progress=go_on)
+        response = sensor.power(progress=progress)
     except Stopped:
         return
     yield curve_of(sensor, response, None, finished=True)

@@ -1,9 +1,9 @@
-"""Where responses are traced: in this process, or by the workers of a Dask cluster.
+"""Machines that trace responses: this process, or the workers of a Dask cluster.
 
-Points are sent in chunks, each a task of a second or more, which makes the overhead of a task negligible. If a worker
-dies, only its chunks are lost, and another worker traces them. The compiled tracer is warmed up once on each worker.
+Points are sent in chunks, each of which takes a second or more, so that the overhead of a task is negligible. If a
+worker dies, only its chunks are lost, and another worker traces them. Each worker compiles the tracer once.
 
-Public names: `Here`, `Cluster` and `machine_at`.
+Public names: `LocalMachine`, `Cluster` and `machine_at`.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ from pydantic import Field
 from solen.errors import DataError, DesignError, SpecError
 from solen.explore.merits import worst_resolution_deg
 from solen.explore.network_merits import network_point
-from solen.explore.store import Accuracy, Chip, Point, Variant, engine, no_response
+from solen.explore.store import Accuracy, Chip, Point, Variant, code_digest, no_response
 from solen.extras import need
 from solen.files import read_text
 from solen.sensor import Response, Sensor, respond, why_not_batched
@@ -31,54 +31,53 @@ from solen.spec.strict import Strict, Text, error_context, parse_toml
 
 ALLOWED_FAILURES = 10
 """Number of workers that may die during a task before the task is considered the cause."""
-CHUNK_POINTS, BATCH = 16, 256
-"""Number of points of a task, and of a call of the compiled batch."""
-WAIT_S = 30.0
-"""Longest time in s to wait for an answer from an address."""
+CHUNK_POINTS, BATCH_POINTS = 16, 256
+"""Number of points in a task, and in a call of the compiled batch."""
+CONNECTION_TIMEOUT_S = 30.0
 
 
 class Machine(Protocol):
     """A process or a cluster that traces variants."""
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
-        """Yield responses of variants by name, several at a time, in the order of completion."""
+        """Yield responses of variants, several at a time and keyed by name, in the order of completion."""
 
 
-class Here:
+class LocalMachine:
     """The calling process."""
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
         """See `Machine`."""
-        listed = list(variants.items())
-        size = 1 if accuracy.rays is None else BATCH
-        for first in range(0, len(listed), size):
-            yield responses_of(listed[first : first + size], accuracy)
+        named = list(variants.items())
+        size = 1 if accuracy.rays is None else BATCH_POINTS
+        for first in range(0, len(named), size):
+            yield responses_of(named[first : first + size], accuracy)
 
 
 def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
-    """Return the indices of the grid points, ordered so that the chips of each design are consecutive."""
+    """Return the responses of variants, keyed by name; chips that share their rays are traced together."""
     if accuracy.rays is None:
         return {name: _integrated(variant, accuracy) for name, variant in variants}
-    found: dict[str, Point] = {}
-    shared: dict[str, dict[str, tuple[Chip, Sensor]]] = {}
+    traced: dict[str, Point] = {}
+    groups: dict[str, dict[str, tuple[Chip, Sensor]]] = {}
     chips: dict[str, Sequence[Chip]] = {}
     for name, variant in variants:
         try:
             sensor = variant.sensor()
-        except (SpecError, DesignError) as bad:  # due to the design; other failures are not stored as its response
-            found[name] = no_response(bad)
+        except (SpecError, DesignError) as error:  # due to the design; other failures are not stored as its response
+            traced[name] = no_response(error)
             continue
         if why_not_batched(sensor):
-            found[name] = _integrated(variant, accuracy)
+            traced[name] = _integrated(variant, accuracy)
             continue
         chip = (sensor.light.width_mm, sensor.design.emitter.offset_mm)
-        together = variant.shared_name(accuracy) if chip in variant.chips else name
-        shared.setdefault(together, {})[name] = (chip, sensor)
-        chips[together] = variant.chips if chip in variant.chips else (chip,)
+        group = variant.shared_name(accuracy) if chip in variant.chips else name
+        groups.setdefault(group, {})[name] = (chip, sensor)
+        chips[group] = variant.chips if chip in variant.chips else (chip,)
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for points in pool.map(partial(_batched, rays=accuracy.rays), shared.values(), chips.values()):
-            found |= points
-    return found
+        for points in pool.map(partial(_batched, rays=accuracy.rays), groups.values(), chips.values()):
+            traced |= points
+    return traced
 
 
 def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
@@ -87,27 +86,27 @@ def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
             return network_point(variant, accuracy)
         sensor = variant.sensor()
         response = sensor.power(tolerance=accuracy.tolerance)
-    except (SpecError, DesignError) as bad:
-        return no_response(bad)
+    except (SpecError, DesignError) as error:
+        return no_response(error)
     return _point(sensor, response, next((trace.why for trace in response.traces if not trace.reached), ""))
 
 
 def _batched(named: Mapping[str, tuple[Chip, Sensor]], chips: Sequence[Chip], rays: int) -> dict[str, Point]:
-    """Return responses from the compiled batch of chips that share its rays; grouping does not change the result.
+    """Return responses from the compiled batch for chips that share its rays; the result does not depend on grouping.
 
-    Sensors that differ in other numbers are traced one by one, since all sensors of a call share one lattice.
+    Sensors that differ in other parameters are traced one by one, since all sensors of a call share one lattice.
     """
     sensor = next(sensor for _, sensor in named.values())
     angle_deg = np.array(sensor.design.motion.angles_deg())
     traced = respond([sensor], angle_deg.tolist(), *np.array(chips).T, rays=rays, threads=1)
     if traced.why[0]:
         return dict.fromkeys(named, no_response(SpecError(traced.why[0])))
-    found = {}
-    for name, (chip, own) in named.items():
+    points = {}
+    for name, (chip, variant) in named.items():
         k = chips.index(chip)
         powers = (traced.right[0, k], traced.left[0, k], traced.u_power[0, k])
-        found[name] = _point(own, Response("power", angle_deg, *powers, ()), "")
-    return found
+        points[name] = _point(variant, Response("power", angle_deg, *powers, ()), "")
+    return points
 
 
 def _point(sensor: Sensor, response: Response, why: str) -> Point:
@@ -117,8 +116,8 @@ def _point(sensor: Sensor, response: Response, why: str) -> Point:
 
 
 def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
-    """Trace a chunk on a worker, which must have the same version of solen."""
-    if digest != engine():
+    """Return the responses of a chunk on a worker, which must have the same version of solen."""
+    if digest != code_digest():
         raise DataError(
             "worker", limit="runs a different version of solen", remedy="install the same version on all workers"
         )
@@ -126,24 +125,24 @@ def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accur
 
 
 def _key(variants: Sequence[tuple[str, Variant]]) -> str:
-    """Name of a task, equal for equal points."""
+    """Return the name of a task, equal for equal points."""
     return f"solen-{hashlib.sha256(''.join(name for name, _ in variants).encode()).hexdigest()}"
 
 
 class Cluster:
-    """Workers of a Dask cluster, given by its client. Files named by designs need the same paths on all workers."""
+    """Workers of a Dask cluster, given its client. Files named by designs must have the same paths on all workers."""
 
     def __init__(self, client: Any, chunk_points: int = CHUNK_POINTS) -> None:
         self.client, self.chunk_points = client, chunk_points
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
-        """See `Machine`; raises `DataError` if the cluster gives up a chunk."""
+        """See `Machine`; raise `DataError` if a chunk fails."""
         from distributed import as_completed
 
-        listed = list(variants.items())
-        chunks = [listed[first : first + self.chunk_points] for first in range(0, len(listed), self.chunk_points)]
+        named = list(variants.items())
+        chunks = [named[first : first + self.chunk_points] for first in range(0, len(named), self.chunk_points)]
         futures = [
-            self.client.submit(_chunk, engine(), chunk, accuracy, key=_key(chunk), retries=1) for chunk in chunks
+            self.client.submit(_chunk, code_digest(), chunk, accuracy, key=_key(chunk), retries=1) for chunk in chunks
         ]
         try:
             for future in as_completed(futures):
@@ -153,24 +152,24 @@ class Cluster:
 
     def _result(self, future: Any) -> dict[str, Point]:
         try:
-            found: dict[str, Point] = future.result()
-        except Exception as bad:  # any error of a worker or the network
-            limit = f"failed on a chunk of designs: {type(bad).__name__}: {bad}"
+            points: dict[str, Point] = future.result()
+        except Exception as error:  # any error of a worker or the network
+            limit = f"failed on a chunk of designs: {type(error).__name__}: {error}"
             raise DataError(
                 "--cluster", limit=limit, remedy="read the workers' logs and run the command again"
             ) from None
         future.release()
-        return found
+        return points
 
 
 class Slurm(Strict):
-    """File of a SLURM cluster, with arguments of `dask_jobqueue.SLURMCluster`."""
+    """File that describes a SLURM cluster; the keys are arguments of `dask_jobqueue.SLURMCluster`."""
 
     error = DataError
 
     jobs: int = Field(1, ge=1, le=10_000, description="Number of jobs.")
     queue: Text | None = Field(None, description="Partition.")
-    account: Text | None = Field(None, description="Account to be charged.")
+    account: Text | None = Field(None, description="Account to charge.")
     cores: int = Field(2, ge=1, description="Number of cores per job.")
     processes: int | None = Field(
         None, ge=1, description="Number of workers per job; default: one worker with all cores."
@@ -181,13 +180,13 @@ class Slurm(Strict):
     log_directory: Text | None = Field(None, description="Folder for the output of jobs; default: the working folder.")
     job_extra_directives: tuple[Text, ...] = Field((), description="Further #SBATCH lines.")
     job_script_prologue: tuple[Text, ...] = Field(
-        (), description="Lines to run before the worker starts, such as loading modules or changing folders."
+        (), description="Commands to run before the worker starts, for example to load modules or change the folder."
     )
     python: Text | None = Field(None, description="Python interpreter of the workers; default: this one.")
 
     @classmethod
     def read(cls, path: Path) -> "Slurm":
-        """Read the content of the file; raise `DataError` if it is malformed."""
+        """Read the file; raise `DataError` if it is malformed."""
         tables = parse_toml(read_text(path, DataError), str(path), DataError)
         with error_context(str(path)):
             return cls(**tables)
@@ -198,32 +197,32 @@ class Slurm(Strict):
 
         given = self.model_dump(exclude={"jobs", "processes"}, exclude_none=True)
         lists = {key: list(given.pop(key)) for key in ("job_extra_directives", "job_script_prologue")}
-        made: Any = dask_jobqueue.SLURMCluster
+        new_cluster: Any = dask_jobqueue.SLURMCluster
         try:
-            return made(**given, **lists, processes=self.processes or 1)
-        except (ValueError, RuntimeError) as bad:  # in its memory or its interface
-            raise DataError("--cluster", limit=str(bad), remedy="change the cluster's file") from None
+            return new_cluster(**given, **lists, processes=self.processes or 1)
+        except (ValueError, RuntimeError) as error:  # due to its memory or its interface
+            raise DataError("--cluster", limit=str(error), remedy="correct the cluster's file") from None
 
 
 def check_job(script: str) -> None:
-    """Raise `DataError` if SLURM would reject a job script, since Dask would wait for its workers forever."""
+    """Raise `DataError` if SLURM rejects a job script, since Dask would wait for its workers forever."""
     submit = shutil.which("sbatch")
     if submit is None:
-        limit, remedy = "sbatch is not installed here", "run the command on a machine that can submit jobs"
+        limit, remedy = "sbatch is not installed on this machine", "run the command on a machine that can submit jobs"
         raise DataError("--cluster", limit=limit, remedy=remedy)
     test = [submit, "--test-only"]
-    asked = subprocess.run(test, input=script, text=True, capture_output=True, check=False)  # noqa: S603  sbatch's own options
-    if asked.returncode:
-        limit = f"SLURM rejects its jobs: {'; '.join(asked.stderr.splitlines())}"
-        raise DataError("--cluster", limit=limit, remedy="change the cluster's file")
+    reply = subprocess.run(test, input=script, text=True, capture_output=True, check=False)  # noqa: S603  sbatch's own options
+    if reply.returncode:
+        limit = f"SLURM rejects its jobs: {'; '.join(reply.stderr.splitlines())}"
+        raise DataError("--cluster", limit=limit, remedy="correct the cluster's file")
 
 
-def machine_at(where: str | None) -> Machine:
+def machine_at(cluster: str | None) -> Machine:
     """Return this process, or the cluster at an address or described by a file."""
-    return Here() if where is None else cluster_at(where)
+    return LocalMachine() if cluster is None else cluster_at(cluster)
 
 
-def cluster_at(where: str) -> Cluster:
+def cluster_at(address: str) -> Cluster:
     """Connect to a cluster at an address, ``tcp://10.0.0.7:8786``, or submit the jobs of a file, ``slurm.toml``.
 
     Raises
@@ -231,7 +230,7 @@ def cluster_at(where: str) -> Cluster:
     OutputError
         If Dask is not installed.
     SpecError, DataError
-        If nothing answers at the address, or the file is malformed.
+        If no cluster responds at the address, or the file is malformed.
     """
     need("distributed", "dask_jobqueue", what="--cluster", doing="tracing on a cluster")
     import dask
@@ -239,16 +238,16 @@ def cluster_at(where: str) -> Cluster:
 
     connect: Any = distributed.Client
     dask.config.set({"distributed.scheduler.allowed-failures": ALLOWED_FAILURES})
-    if where.endswith(".toml"):
-        slurm = Slurm.read(Path(where))
+    if address.endswith(".toml"):
+        slurm = Slurm.read(Path(address))
         cluster = slurm.cluster()
         check_job(cluster.job_script())
         cluster.scale(jobs=slurm.jobs)
         return Cluster(connect(cluster))
     try:
-        client = connect(where, timeout=WAIT_S)
-    except (OSError, ValueError, TimeoutError) as bad:
-        limit = f"no cluster answers at this address: {str(bad) or type(bad).__name__}"
+        client = connect(address, timeout=CONNECTION_TIMEOUT_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        limit = f"no cluster responds at this address: {str(error) or type(error).__name__}"
         remedy = "start `dask scheduler` and specify its address"
-        raise SpecError("--cluster", value=where, limit=limit, remedy=remedy) from None
+        raise SpecError("--cluster", value=address, limit=limit, remedy=remedy) from None
     return Cluster(client)

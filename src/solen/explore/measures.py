@@ -1,4 +1,4 @@
-"""Measures for comparing designs: the merits of their points, for a contrast over one motion or for a network.
+"""Measures for comparing designs: figures of merit of a contrast over one motion, or of a network.
 
 Public names: `measure_of`, `Measure` and `merits_of_points`.
 """
@@ -18,14 +18,14 @@ from solen.spec import Design
 
 
 class Measure(Protocol):
-    """Merits of the points of designs with the same states.
+    """Figures of merit for points of designs with the same states.
 
     Attributes
     ----------
     names
         Names of the merits.
     calibrated
-        Merits that a calibration of each sensor makes known; they count as those of the design.
+        Merits that a calibration of each sensor makes equal to those of the design.
     angle_deg
         (A,) angles of all points; for a network (A, M), the positions of M motions in A states.
     labels
@@ -41,14 +41,14 @@ class Measure(Protocol):
         """Return the merits of a traced point and, prefixed by ``u_``, their uncertainties; NaN if missing."""
 
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
-        """Return warnings about points whose states are too coarse to show the curve between them."""
+        """Yield warnings about points whose states are too coarse to resolve the curve between them."""
 
     def denser(self, design: Design) -> Design:
         """Return the design with half the step between states."""
 
 
 class ContrastMerits:
-    """Merits of the contrast of two receivers over one motion: `solen.explore.merits`."""
+    """Merits of the contrast between two receivers over one motion: `solen.explore.merits`."""
 
     names: tuple[str, ...] = MERITS
     calibrated: tuple[str, ...] = ("null_deg", "slope_per_deg")
@@ -58,7 +58,7 @@ class ContrastMerits:
         """Create the measure of a design; raise `SpecError` if it has too few angles."""
         self.angle_deg = np.array(design.motion.angles_deg())
         if self.angle_deg.size < MIN_ANGLES:
-            limit, remedy = f"merits need {MIN_ANGLES}", "use a smaller motion.step_deg"
+            limit, remedy = f"merits require at least {MIN_ANGLES}", "use a smaller motion.step_deg"
             raise SpecError("motion", value=f"{self.angle_deg.size} angles", limit=limit, remedy=remedy)
 
     def merits(self, point: Point) -> dict[str, float]:
@@ -70,13 +70,13 @@ class ContrastMerits:
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
         """See `Measure`."""
         traced = [point for point in points if point.is_traced]
-        changes = [unresolved_change(one.response(self.angle_deg[: len(one.power)])) for one in traced]
-        if wide := sum(change > 0.0 for change in changes):
-            of = f" at {wide} of {len(points)} points" if len(points) > 1 else ""
+        changes = [unresolved_change(point.response(self.angle_deg[: len(point.power)])) for point in traced]
+        if affected := sum(change > 0.0 for change in changes):
+            fraction = f" at {affected} of {len(points)} points" if len(points) > 1 else ""
             yield (
-                f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{of}, "
-                "and the angles are too coarse to resolve the change: slope, linearity and resolution "
-                "are unknown there; use a smaller step"
+                f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{fraction}, "
+                "and the angles are too coarse to resolve the change, so slope, linearity and resolution "
+                "are unknown; use a smaller motion.step_deg"
             )
 
     def denser(self, design: Design) -> Design:
@@ -85,12 +85,12 @@ class ContrastMerits:
 
 
 def measure_of(design: Design) -> Measure:
-    """Return the measure for comparing a design; raise `SpecError` if it has too few states."""
+    """Return the measure of a design; raise `SpecError` if it has too few states."""
     return NetworkMerits(design) if design.body.kind == "network" else ContrastMerits(design)
 
 
 def merits_of_points(measure: Measure, points: Sequence[Point]) -> dict[str, FloatArray]:
-    """Return the merits of P points by name and their uncertainties, each (P,); NaN for a point without a response."""
-    names = [each for name in measure.names for each in (name, f"u_{name}")]
+    """Return the merits (P,) of points and their uncertainties, keyed by name; NaN for a point without a response."""
+    names = [name for merit in measure.names for name in (merit, f"u_{merit}")]
     rows = [measure.merits(point) if point.is_traced else {} for point in points]
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}

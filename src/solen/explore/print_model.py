@@ -1,4 +1,4 @@
-"""Effect of a drawing on its print according to the print model, as differences between drawings.
+"""Effect of a drawing on its print according to the print model, relative to the drawing of the design.
 
 Public name: `PrintModel`.
 """
@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.contour import FRONT_PIECES, Contour, Rows
+from solen.explore.contour import FRONT_PIECES, Contour, ContourDeviations
 from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import (
@@ -34,17 +34,21 @@ from solen.recording import Provenance
 from solen.sensor import Sensor
 from solen.spec import load
 
-OWN_SHARE, PLACES = 1.0, 4
-"""Relative error of the modelled pixel effect on an edge, and the number of pixel phases compared."""
-SLOW_MM, PIECE_MM = 0.3, 0.1
-"""Length above which pixels do not cause form deviations, and length over which the deviation is averaged."""
+MODEL_ERROR, PHASES = 1.0, 4
+"""Relative error of the modelled effect of pixels on an edge, and the number of positions in a pixel at which it is
+computed.
+"""
+FORM_LENGTH_MM, AVERAGE_LENGTH_MM = 0.3, 0.1
+"""Standard deviations of Gaussian filters: the one that separates pixel effects from the form, and the one that
+averages their squares.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class PrintModel:
-    """A design and the process for printing it flat, with the printer's pixels.
+    """A design and the process that prints it flat, with the printer's pixels.
 
-    ``wider`` is the process with the blur increased by its standard uncertainty, or None if the blur is exact.
+    ``wider`` is ``plain`` with the blur increased by its standard uncertainty, or None if that is 0.
     """
 
     sensor: Sensor
@@ -52,7 +56,7 @@ class PrintModel:
     sources: tuple[Provenance, ...]
     plain: Printing
     wider: Printing | None
-    _known: dict[bytes, FloatArray] = field(default_factory=dict)
+    _cache: dict[bytes, FloatArray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, sensor: Sensor, slicing: Slicing) -> "PrintModel":
@@ -61,13 +65,14 @@ class PrintModel:
         Raises
         ------
         SpecError
-            If it is not printed flat and unrotated.
+            If the lens is not printed flat and unrotated, or its layers are not those of the process.
         DataError
             If the process or the printer is invalid.
         """
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
             limit = "only a lens printed flat, along the printer's X, can be tuned"
-            raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="omit them")
+            what = "--orientation or --rotate-deg"
+            raise SpecError(what, value=slicing.orientation, limit=limit, remedy="omit both options")
         process, sources = process_of(
             ProcessOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer)
         )
@@ -76,7 +81,7 @@ class PrintModel:
             process = process.with_settings(**slicing.differences(process.process))
         if others := slicing.described_differences(process.process):
             limit = "a tuned lens is printed with the layers of its process"
-            raise SpecError("--process", value=others[0], limit=limit, remedy="omit that option, or change it")
+            raise SpecError("--process", value=others[0], limit=limit, remedy="omit or change that option")
         body = sensor.body()
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
         thickness_mm = sensor.design.body.thickness_mm
@@ -89,12 +94,12 @@ class PrintModel:
         keys, covariance = process.covariance()
         key = settings.blur_key
         u = float(np.sqrt(covariance[keys.index(key), keys.index(key)])) if key in keys else 0.0
-        wider = printing(blurred(settings, u)) if u > 0.0 else None
+        wider = printing(with_blur(settings, u)) if u > 0.0 else None
         return cls(sensor, process, sources, printing(settings), wider)
 
     @property
     def target(self) -> Target:
-        """The designed lens."""
+        """Target shape: the designed lens."""
         return self.plain.target
 
     @property
@@ -113,93 +118,100 @@ class PrintModel:
         return Drawing(np.zeros(len(self.target.points_mm)))
 
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
-        """Return the change (N,) of the print due to another drawing than the design, and its change with more blur."""
-        plain = self._moved(self.plain, drawing)
-        return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
+        """Return the change (N,) of the print from that of the design, and the increase of this change with more blur.
+
+        The blur is increased by its standard uncertainty.
+        """
+        change = self._change(self.plain, drawing)
+        return change, (np.zeros_like(change) if self.wider is None else self._change(self.wider, drawing) - change)
 
     @cached_property
-    def of_pixels_um(self) -> FloatArray:
-        """Return the standard uncertainty (N,) along the lens of the modelled pixel effects of another drawing."""
+    def u_pixels_um(self) -> FloatArray:
+        """Standard uncertainty (N,) along the lens of the modelled pixel effects of a drawing other than the design."""
         step, (x, z) = float(np.mean(np.diff(self.target.along_mm))), self.phase_px
         squares = []
-        for part in range(PLACES):
-            placed = replace(self.plain, phase=(x, (z + part / PLACES) % 1.0))
-            printed = placed.deviation_um(placed.outlines(self.as_designed))
-            squares.append((printed - gaussian_filter1d(printed, SLOW_MM / step, mode="nearest")) ** 2)
-        local = gaussian_filter1d(np.mean(squares, axis=0), PIECE_MM / step, mode="nearest")
-        return np.asarray(OWN_SHARE * np.sqrt(local))
+        for k in range(PHASES):
+            printing = replace(self.plain, phase=(x, (z + k / PHASES) % 1.0))
+            printed = printing.deviation_um(printing.outlines(self.as_designed))
+            squares.append((printed - gaussian_filter1d(printed, FORM_LENGTH_MM / step, mode="nearest")) ** 2)
+        local = gaussian_filter1d(np.mean(squares, axis=0), AVERAGE_LENGTH_MM / step, mode="nearest")
+        return np.asarray(MODEL_ERROR * np.sqrt(local))
 
     def is_designed(self, drawing: Drawing) -> bool:
         """Return whether a drawing is that of the design, whose pixel effects are part of its measured prints."""
         return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
 
-    def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the effect of a drawing, its change with more blur, and the model error, for the rows of an image.
+    def effect_on(
+        self, deviations: ContourDeviations, contour: Contour, drawing: Drawing
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the effect of a drawing, its increase with more blur, and the model's error, on each piece of a print.
 
-        A wall follows its own drawing.
+        Walls are displaced as drawn.
         """
+        arc_mm = deviations.arc_mm
         along = contour.nominal.nearest(self.target.points_mm).arc_mm
-        wall = drawing.wall_um * drawing.scale + 1e3 * (drawing.scale - 1.0) * contour.by_size(rows.arc_mm)
+        wall = drawing.wall_um * drawing.scale + 1e3 * (drawing.scale - 1.0) * contour.by_size(arc_mm)
         piece = max(1, round(contour.length_mm / FRONT_PIECES / float(np.mean(np.diff(along)))))
-        on_front = (rows.arc_mm >= 0.0) & (rows.arc_mm <= contour.length_mm)
-        lens, more = (
-            np.interp(rows.arc_mm, along, uniform_filter1d(column, piece, mode="nearest"))
-            for column in self.effect(drawing)
+        on_front = (arc_mm >= 0.0) & (arc_mm <= contour.length_mm)
+        lens, per_blur = (
+            np.interp(arc_mm, along, uniform_filter1d(column, piece, mode="nearest")) for column in self.effect(drawing)
         )
-        missed = np.interp(rows.arc_mm, along, self.of_pixels_um) * (not self.is_designed(drawing))
-        return np.where(on_front, lens, wall), np.where(on_front, more, 0.0), np.where(on_front, missed, 0.0)
+        u_model = np.interp(arc_mm, along, self.u_pixels_um) * (not self.is_designed(drawing))
+        return np.where(on_front, lens, wall), np.where(on_front, per_blur, 0.0), np.where(on_front, u_model, 0.0)
 
-    def blurred(self, by: float) -> "PrintModel":
-        """Return the model with the fitted blur, wider by a multiple of its standard uncertainty."""
+    def with_more_blur(self, steps: float) -> "PrintModel":
+        """Return the model with a blur that is wider by a multiple of its standard uncertainty."""
         if self.wider is None:
             return self
-        u = _width(self.wider.settings) - _width(self.settings)
-        plain, wider = (replace(self.plain, settings=blurred(self.settings, more)) for more in (by * u, (by + 1.0) * u))
+        u = _blur_width(self.wider.settings) - _blur_width(self.settings)
+        plain, wider = (
+            replace(self.plain, settings=with_blur(self.settings, more)) for more in (steps * u, (steps + 1.0) * u)
+        )
         return replace(self, plain=plain, wider=wider)
 
     @property
-    def least_blur(self) -> float:
-        """Largest reduction of the blur, to half, in standard uncertainties."""
+    def min_blur(self) -> float:
+        """Largest reduction of the blur, to half, in standard uncertainties; negative."""
         if self.wider is None:
             return 0.0
-        return -0.5 * _width(self.settings) / (_width(self.wider.settings) - _width(self.settings))
+        return -0.5 * _blur_width(self.settings) / (_blur_width(self.wider.settings) - _blur_width(self.settings))
 
-    def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
-        """Return the drawing that prints as the designed lens, if the design prints ``beyond_um`` (N,) too large."""
-        return self.plain.corrected(start, beyond_um - self._printed(self.plain, self.as_designed))
+    def compensation(self, deviation_um: FloatArray, start: Drawing) -> Compensation:
+        """Return the drawing that prints as the designed lens if prints of the design deviate by ``deviation_um``."""
+        return self.plain.corrected(start, deviation_um - self._printed(self.plain, self.as_designed))
 
-    def drawn(self, drawing: Drawing) -> Compensation:
+    def with_prediction(self, drawing: Drawing) -> Compensation:
         """Return a drawing and its predicted print."""
         outlines = self.plain.outlines(drawing)
         printed = Deviation(self.target, self._printed(self.plain, drawing))
         return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
-    def sha256_of(self, path: Path) -> str | None:
-        """Hash of the outline of a design file, or None for the original design."""
+    def outline_sha256(self, path: Path) -> str | None:
+        """Return the hash of the outline of a design file; None for the original design."""
         design = load(path)
         if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
             return None
         outline = design.files.get("body.file")
         return hashlib.sha256((path if outline is None else outline).read_bytes()).hexdigest()
 
-    def _moved(self, printing: Printing, drawing: Drawing) -> FloatArray:
+    def _change(self, printing: Printing, drawing: Drawing) -> FloatArray:
         return self._printed(printing, drawing) - self._printed(printing, self.as_designed)
 
     def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
         """Return the predicted print of a drawing, cached."""
-        sizes = np.array([drawing.wall_um, drawing.scale, _width(printing.settings)])
+        sizes = np.array([drawing.wall_um, drawing.scale, _blur_width(printing.settings)])
         key = drawing.drawn_um.tobytes() + sizes.tobytes()
-        if key not in self._known:
-            self._known[key] = printing.deviation_um(printing.outlines(drawing))
-        return self._known[key]
+        if key not in self._cache:
+            self._cache[key] = printing.deviation_um(printing.outlines(drawing))
+        return self._cache[key]
 
 
-def blurred(settings: Settings, more: float) -> Settings:
+def with_blur(settings: Settings, more: float) -> Settings:
     """Return the settings with a wider blur."""
-    wider = settings.model_copy(update={settings.blur_key: _width(settings) + more})
+    wider = settings.model_copy(update={settings.blur_key: _blur_width(settings) + more})
     return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
 
 
-def _width(settings: Settings) -> float:
-    """Return the key of the blur."""
+def _blur_width(settings: Settings) -> float:
+    """Return the value of the parameter that determines the blur."""
     return float(getattr(settings, settings.blur_key))

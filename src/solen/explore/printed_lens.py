@@ -1,7 +1,7 @@
 """A sensor with the lens that a process prints in place of the designed one.
 
 The print is that of `solen print predict` at half the thickness: flat, with its vertex on a corner of pixels, without
-compensation, and with the process's most likely numbers. Only the lens is replaced.
+compensation, and with the best estimates of the process parameters. Only the lens is replaced.
 
 Public names: `as_printed` and `check_printable`.
 """
@@ -27,7 +27,7 @@ def as_printed(sensor: Sensor, settings: Settings) -> Sensor:
     Raises
     ------
     SpecError
-        If its lens is not printed as one profile.
+        If the lens is not printed as one profile.
     DataError
         If the process cannot print it.
     """
@@ -46,7 +46,7 @@ def check_printable(sensor: Sensor) -> DesignedLens:
 
 @dataclass(frozen=True)
 class _Drawing:
-    """Key of a print: equal if its outlines and the process are equal."""
+    """Cache key of a print: equal if the outlines and the process are equal."""
 
     lens: DesignedLens
     body: Body = field(compare=False)
@@ -55,9 +55,9 @@ class _Drawing:
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "digest", hashlib.sha256(b"".join(self._stated())).hexdigest())
+        object.__setattr__(self, "digest", hashlib.sha256(b"".join(self._inputs())).hexdigest())
 
-    def _stated(self) -> Iterator[bytes]:
+    def _inputs(self) -> Iterator[bytes]:
         yield self.settings.model_dump_json().encode()
         yield from (ring.tobytes() for ring in rings_of(as_designed(self.body)))
 

@@ -3,7 +3,7 @@
 The yield comes from a surrogate of every merit, corrected by the traced prints. The surrogate alone gives the cost of
 each tolerance and its largest acceptable value.
 
-Public names: `Prints`, `Yield`, `VariedNumber` and `MeritSpread`.
+Public names: `Prints`, `Yield`, `VariedParameter` and `MeritSpread`.
 """
 
 import math
@@ -14,19 +14,19 @@ from functools import cached_property
 import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.requirement import Requirement
-from solen.explore.surrogate import FOLDS, Surrogate, fit, parts
-from solen.explore.variations import Variation, drawn
+from solen.explore.surrogate import FOLDS, Surrogate, fit, fold_indices
+from solen.explore.variations import Variation, draw_deviations
 from solen.results import Result
 from solen.sensor import Sensor
 from solen.sensor.numbers import number
 
-MODELLED = 2**14
+SURROGATE_SAMPLES = 2**14
 """Number of samples of the surrogates."""
-WANTED_YIELD = 0.95
-FAR = 1e100
-"""Finite stand-in for an infinite uncertainty of a merit."""
+TARGET_YIELD = 0.95
+LARGE_U = 1e100
+"""Finite substitute for an infinite uncertainty of a merit."""
 
 
 class Yield(Result, eq=True):
@@ -35,14 +35,14 @@ class Yield(Result, eq=True):
     Attributes
     ----------
     requirement
-        Text of the requirement; empty for all together.
+        The requirement as specified; empty for all together.
     share, u_share
         Fraction of the prints without calibration or adjustment.
     calibrated_share, u_calibrated_share
-        Fraction after a calibration of each sensor, which removes the null's offset and the gain: null and slope count
-        as those of the design; None for a network, whose merits no calibration changes.
+        Fraction after a calibration of each sensor, which corrects null and gain: null and slope are then those of the
+        design; None for a network, whose merits no calibration changes.
     adjusted_share, u_adjusted_share
-        Fraction after each print is adjusted as stated, without a calibration; None without an adjustment.
+        Fraction after the adjustment of each print, without a calibration; None without an adjustment.
     """
 
     requirement: str
@@ -54,27 +54,27 @@ class Yield(Result, eq=True):
     u_adjusted_share: float | None = None
 
 
-class VariedNumber(Result, eq=True):
-    """One number that varies.
+class VariedParameter(Result, eq=True):
+    """A parameter that varies, or several that vary together.
 
     Attributes
     ----------
     key, value
-        The number and its value in the design. Numbers that move together have their sum as stated, or the name of
-        their common cause, as the key and no value.
+        The parameter and its value in the design. For parameters that vary together, the key is their sum as specified
+        or the name of their common cause, and there is no value.
     distribution
         ``normal`` or ``uniform``.
     deviation
-        Mean and standard deviation, or the ends, of its deviation from that value.
+        Mean and standard deviation, or limits, of the deviation from that value.
     source
-        Source of the distribution: ``stated``, ``[tolerance]`` of the design, ``assumed`` by solen, or the name of a
-        process, a part or a resin.
+        Source of the distribution: ``specified``, ``[tolerance]`` of the design, ``assumed`` by solen, or the name of
+        a process, a part or a resin.
     share_if_exact
-        Yield if this number alone did not vary but stayed at `Variation.centre`, from the surrogates; None without
-        requirements.
+        Yield if this parameter did not vary but stayed at `Variation.centre` while all others vary, from the
+        surrogates; None without requirements.
     factor_alone, factor_together
-        Factor on its deviation for a yield of 95 %, if it alone is tightened or all are; None if that yield is not
-        reached, or without requirements.
+        Factor on its deviation for a yield of 95 % if only this tolerance is tightened, or all by the same factor; None
+        if that yield is not reached, or without requirements.
     """
 
     key: str
@@ -99,9 +99,10 @@ class MeritSpread(Result):
     mean, sd
         Mean and standard deviation over the prints.
     first_order, total
-        Sobol' indices by key, from the surrogate: fraction of the variance due to that number alone, and with others.
+        Sobol' indices, keyed by parameter, from the surrogate: fraction of the variance due to the parameter alone,
+        and including its interactions.
     degree
-        Degree of the surrogate's polynomial.
+        Degree of the surrogate.
     held_out
         Fraction of the variance of held-out prints that the surrogate does not explain.
     """
@@ -124,11 +125,11 @@ class Prints:
     Attributes
     ----------
     variations
-        D numbers that vary.
+        D variations.
     deviations
         Deviations (P, D) of the prints.
     merits
-        Values (P,) of the merits by name.
+        Merits (P,) of the prints, keyed by name.
     base
         Merits of the design itself.
     adjusted
@@ -154,12 +155,12 @@ class Prints:
         }
 
     @cached_property
-    def modelled(self) -> FloatArray:
+    def samples(self) -> FloatArray:
         """Deviations at which the surrogates are evaluated."""
-        return drawn(self.variations, MODELLED, 1)
+        return draw_deviations(self.variations, SURROGATE_SAMPLES, 1)
 
     def met(self, requirements: Sequence[Requirement], merits: Mapping[str, FloatArray]) -> BoolArray:
-        """Return a mask of merits (N,) that meet all requirements."""
+        """Return a mask (N,) of the merits that meet all requirements."""
         size = next(iter(merits.values())).size
         met = np.ones(size, bool)
         for requirement in requirements:
@@ -172,60 +173,60 @@ class Prints:
         if len(requirements) > 1:
             groups = [*((requirement.text, [requirement]) for requirement in requirements), *groups]
         for text, group in groups:
-            after = () if self.adjusted is None else self.adjusted.share(group)
-            calibrated = self.share(group, calibrated=True) if self.calibrated else (None, None)
-            yield Yield(text, *self.share(group), *calibrated, *after)
+            adjusted = () if self.adjusted is None else self.adjusted.yield_of(group)
+            calibrated = self.yield_of(group, calibrated=True) if self.calibrated else (None, None)
+            yield Yield(text, *self.yield_of(group), *calibrated, *adjusted)
 
-    def share(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
+    def yield_of(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
         """Return the fraction of prints that meet requirements, with its standard uncertainty.
 
-        The fraction of the traced prints is corrected with a control variate: the difference between surrogates fitted
-        without each of the prints and the surrogates' fraction over many samples. The weight of the correction
-        minimises the scatter; a weight of 0 is counting. The error of the surrogates does not bias the estimate. Its
-        uncertainty is that of the mean, combined with the effect of the uncertainties of the merits.
+        The fraction of traced prints that meet them is corrected with a control variate. For each print, this is the
+        prediction of the surrogates fitted without it, minus the mean prediction of the same surrogates over many
+        samples. The weight of the correction minimises the scatter; with a weight of 0, the result is a plain count.
+        Errors of the surrogates do not bias the result. Its uncertainty is that of the mean, combined with the effect
+        of the uncertainties of the merits.
         """
-        part = parts(len(self.deviations))
-        true = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits).astype(float)
-        modelled, whole = np.empty(true.size), np.empty(true.size)
+        fold_of = fold_indices(len(self.deviations))
+        met = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits).astype(float)
+        predicted, mean = np.empty(met.size), np.empty(met.size)
         for fold in range(FOLDS):
-            inside = part == fold
-            modelled[inside] = self._by_surrogates(requirements, self.deviations[inside], fold, calibrated=calibrated)
-            whole[inside] = self._by_surrogates(requirements, self.modelled, fold, calibrated=calibrated).mean()
-        missed = modelled - whole
-        scatter = np.cov(true, missed)
-        corrected = true - (scatter[0, 1] / scatter[1, 1] if scatter[1, 1] else 0.0) * missed
-        u = max(
-            float(corrected.std(ddof=1)) / math.sqrt(true.size), 1.0 / (true.size + 2)
-        )  # a count of 0 may be chance
-        blurred = self._blurred(requirements, calibrated=calibrated)
-        return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, blurred)
+            inside = fold_of == fold
+            predicted[inside] = self._by_surrogates(requirements, self.deviations[inside], fold, calibrated=calibrated)
+            mean[inside] = self._by_surrogates(requirements, self.samples, fold, calibrated=calibrated).mean()
+        control = predicted - mean
+        covariance = np.cov(met, control)
+        corrected = met - (covariance[0, 1] / covariance[1, 1] if covariance[1, 1] else 0.0) * control
+        u_mean = float(corrected.std(ddof=1)) / math.sqrt(met.size)
+        u = max(u_mean, 1.0 / (met.size + 2))  # a count of 0 has an uncertainty too
+        u_merits = self._u_from_merits(requirements, calibrated=calibrated)
+        return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, u_merits)
 
-    def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
-        """Return the numbers that vary and their cost in yield, the costliest first."""
+    def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedParameter]:
+        """Return the parameters that vary and their effect on the yield, in ascending order of `share_if_exact`."""
         named = {name for requirement in requirements for name in requirement.merits}
         if not all(np.isfinite(self.merits[name]).all() for name in named):
             requirements = []  # surrogates cannot predict missing merits
-        of_all = self._factor(requirements, range(len(self.variations)))
+        common_factor = self._factor(requirements, range(len(self.variations)))
         rows = [
-            VariedNumber(
+            VariedParameter(
                 key=variation.key,
                 value=number(sensor, variation.key) if variation.key in variation.weights else None,
                 distribution=variation.kind,
                 deviation=(variation.first, variation.second),
                 source=variation.source,
-                share_if_exact=self._scaled(requirements, [place], 0.0) if requirements else None,
-                factor_alone=self._factor(requirements, [place]),
-                factor_together=of_all,
+                share_if_exact=self._scaled(requirements, [k], 0.0) if requirements else None,
+                factor_alone=self._factor(requirements, [k]),
+                factor_together=common_factor,
             )
-            for place, variation in enumerate(self.variations)
+            for k, variation in enumerate(self.variations)
         ]
         return sorted(rows, key=lambda row: row.share_if_exact or 0.0, reverse=True)
 
     def spreads(self) -> Iterator[MeritSpread]:
         """Yield the variation of each merit that has a surrogate, except for merits of single channels of a network."""
         keys = [variation.key for variation in self.variations]
-        for name in (name for name in shown(self.merits) if name in self.surrogates):
-            made = self.surrogates[name]
+        for name in (name for name in table_merits(self.merits) if name in self.surrogates):
+            surrogate = self.surrogates[name]
             values = self.merits[name][np.isfinite(self.merits[name])]
             yield MeritSpread(
                 merit=name,
@@ -233,57 +234,58 @@ class Prints:
                 u_base=self.base[f"u_{name}"],
                 mean=float(values.mean()),
                 sd=float(values.std(ddof=1)),
-                first_order=dict(zip(keys, made.first_order.tolist(), strict=True)),
-                total=dict(zip(keys, made.total.tolist(), strict=True)),
-                degree=made.degree,
-                held_out=made.held_out,
+                first_order=dict(zip(keys, surrogate.first_order.tolist(), strict=True)),
+                total=dict(zip(keys, surrogate.total.tolist(), strict=True)),
+                degree=surrogate.degree,
+                held_out=surrogate.held_out,
             )
 
-    def _blurred(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
-        """Return the uncertainty of a fraction due to those of the merits.
+    def _u_from_merits(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
+        """Return the uncertainty of a fraction due to the uncertainties of the merits.
 
-        Errors that scatter about a surrogate differ from print to print. The scatter of the prints already contains the
-        prints that they move over a limit; they also blur the limit, which changes the number of prints within it. The
-        remaining error is common to all prints and to the design and shifts them together. The error of the design
-        alone, as the base of a requirement, is estimated from its surrogate. Changes of the fraction are computed from
-        the many samples of the surrogates.
+        Errors that scatter about a surrogate differ from print to print. The scatter of the prints already includes the
+        prints that these errors move across a limit; they also blur the limit, which changes the number of prints
+        within it. The remaining error is common to all prints and the design and shifts them together. The error of
+        the design alone, as the base of a requirement, is estimated from the surrogate. Changes of the fraction are
+        computed from the many samples of the surrogates.
         """
         named = list(dict.fromkeys(name for requirement in requirements for name in requirement.merits))
         merits = dict(self.merits)
         if self.surrogates.keys() >= {*named, *self.calibrated[:1]}:
-            nothing = np.full(len(self.modelled), np.nan)
-            merits = dict.fromkeys(self.merits, nothing) | {
-                name: self.surrogates[name](self.modelled) for name in (*named, *self.calibrated[:1])
+            missing = np.full(len(self.samples), np.nan)
+            merits = dict.fromkeys(self.merits, missing) | {
+                name: self.surrogates[name](self.samples) for name in (*named, *self.calibrated[:1])
             }
 
-        def met(name: str, by: float, base_by: float) -> float:
-            """Return the fraction if the errors of one merit are ``by`` and ``base_by``."""
-            moved = {**merits, name: merits[name] + by}
-            at = replace(self, base={**self.base, name: self.base[name] + base_by})
-            return float(at.met(requirements, at._calibrated(moved) if calibrated else moved).mean())
+        def fraction(name: str, error: float, base_error: float) -> float:
+            """Return the fraction for some errors of one merit: of the prints and of the design."""
+            shifted = {**merits, name: merits[name] + error}
+            prints = replace(self, base={**self.base, name: self.base[name] + base_error})
+            return float(prints.met(requirements, prints._calibrated(shifted) if calibrated else shifted).mean())
 
-        share, squares = met(named[0], 0.0, 0.0), 0.0
+        nominal, squares = fraction(named[0], 0.0, 0.0), 0.0
         for name in named:
-            own, common, of_base = self._parts_of_u(name)
-            squares += (0.5 * (met(name, own, 0.0) + met(name, -own, 0.0)) - share) ** 2
-            squares += 0.5 * sum((met(name, by, by) - share) ** 2 for by in (-common, common))
-            squares += 0.5 * sum((met(name, 0.0, by) - share) ** 2 for by in (-of_base, of_base))
+            individual, common, base = self._parts_of_u(name)
+            squares += (0.5 * (fraction(name, individual, 0.0) + fraction(name, -individual, 0.0)) - nominal) ** 2
+            squares += 0.5 * sum((fraction(name, error, error) - nominal) ** 2 for error in (-common, common))
+            squares += 0.5 * sum((fraction(name, 0.0, error) - nominal) ** 2 for error in (-base, base))
         return math.sqrt(squares)
 
     def _parts_of_u(self, name: str) -> tuple[float, float, float]:
-        """Return the parts of a merit's uncertainty (rms): individual to prints, common, and of the design alone."""
-        of_each, of_design = (np.nan_to_num(of[f"u_{name}"], posinf=FAR) for of in (self.merits, self.base))
-        u, u_base = float(np.sqrt(np.mean(of_each**2))), float(of_design)
-        made = self.surrogates.get(name)
-        if made is None:
+        """Return the parts of a merit's uncertainty (RMS): individual to prints, common, and of the design alone."""
+        u_prints, u_design = (np.nan_to_num(part[f"u_{name}"], posinf=LARGE_U) for part in (self.merits, self.base))
+        u, u_base = float(np.sqrt(np.mean(u_prints**2))), float(u_design)
+        surrogate = self.surrogates.get(name)
+        if surrogate is None:
             return 0.0, u, u_base
         values = self.merits[name][np.isfinite(self.merits[name])]
-        fitted = max(1.0 - len(made.degrees) / (values.size * (1.0 - 1.0 / FOLDS)), 0.0)  # its terms also fit noise
-        own = min(u, math.sqrt(made.held_out * fitted) * float(values.std()))
+        residual_fraction = max(1.0 - len(surrogate.degrees) / (values.size * (1.0 - 1.0 / FOLDS)), 0.0)
+        individual = min(u, math.sqrt(surrogate.held_out * residual_fraction) * float(values.std()))
         at_design = np.zeros((1, len(self.variations)))
-        unsure = math.sqrt(FOLDS - 1.0) * float(np.std([made(at_design, fold) for fold in range(FOLDS)]))  # jackknife
-        off = self.base[name] - float(made(at_design)[0])
-        return own, math.sqrt(u * u - own * own), min(u_base, math.hypot(off, unsure))
+        jackknife = [surrogate(at_design, fold) for fold in range(FOLDS)]
+        u_surrogate = math.sqrt(FOLDS - 1.0) * float(np.std(jackknife))
+        error = self.base[name] - float(surrogate(at_design)[0])
+        return individual, math.sqrt(u * u - individual * individual), min(u_base, math.hypot(error, u_surrogate))
 
     def _calibrated(self, merits: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return merits after a calibration of offset and gain: null and slope of the design, if there is a null."""
@@ -294,30 +296,30 @@ class Prints:
         self, requirements: Sequence[Requirement], deviations: FloatArray, fold: int | None, *, calibrated: bool = False
     ) -> BoolArray:
         named = dict.fromkeys(name for requirement in requirements for name in requirement.merits)
-        nothing = np.full(len(deviations), np.nan)
-        merits = dict.fromkeys(self.merits, nothing) | {
+        missing = np.full(len(deviations), np.nan)
+        merits = dict.fromkeys(self.merits, missing) | {
             name: self.surrogates[name](deviations, fold)
             for name in (*named, *(self.calibrated[:1] if calibrated else ()))
             if name in self.surrogates
         }
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)
 
-    def _scaled(self, requirements: Sequence[Requirement], places: Sequence[int], factor: float) -> float:
-        """Return the yield from surrogates with some deviations scaled by a factor."""
-        deviations = self.modelled.copy()
-        for place in places:
-            centre = self.variations[place].centre
-            deviations[:, place] = centre + factor * (deviations[:, place] - centre)
+    def _scaled(self, requirements: Sequence[Requirement], columns: Sequence[int], factor: float) -> float:
+        """Return the yield from the surrogates with some deviations scaled by a factor."""
+        deviations = self.samples.copy()
+        for k in columns:
+            centre = self.variations[k].centre
+            deviations[:, k] = centre + factor * (deviations[:, k] - centre)
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
-    def _factor(self, requirements: Sequence[Requirement], places: Sequence[int]) -> float | None:
-        """Return the largest factor, up to 1, on some deviations that gives the yield; None if there is none."""
-        if not requirements or self._scaled(requirements, places, 0.0) < WANTED_YIELD:
+    def _factor(self, requirements: Sequence[Requirement], columns: Sequence[int]) -> float | None:
+        """Return the largest factor, up to 1, on some deviations that gives `TARGET_YIELD`; None if there is none."""
+        if not requirements or self._scaled(requirements, columns, 0.0) < TARGET_YIELD:
             return None
         low, high = 0.0, 1.0
-        if self._scaled(requirements, places, high) >= WANTED_YIELD:
+        if self._scaled(requirements, columns, high) >= TARGET_YIELD:
             return high
         for _ in range(8):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self._scaled(requirements, places, middle) >= WANTED_YIELD else (low, middle)
+            low, high = (middle, high) if self._scaled(requirements, columns, middle) >= TARGET_YIELD else (low, middle)
         return low

@@ -1,4 +1,4 @@
-"""The design and options of an exploration command, stored beside its results so that no other command overwrites them.
+"""The design and options of an exploration command, stored with its results so that no other command overwrites them.
 
 Public name: `Request`.
 """
@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from solen.errors import DataError, OutputError
-from solen.explore.store import Variant, bytes_of
+from solen.explore.store import Variant, file_bytes
 from solen.files import read_text
 from solen.results import plain
 from solen.spec import Design
 from solen.spec.strict import Options
 
-NOT_OF_THE_TABLE = {"print_number"}
+OUTPUT_ONLY = {"print_number"}
 """Options that only select additional output."""
 
 
@@ -26,9 +26,9 @@ class Request(NamedTuple):
     Parameters
     ----------
     path
-        The file, beside the results.
+        The file, in the folder of the results.
     design, options
-        The design and the options; files named by them count by their content.
+        The design and the options; files named in them are compared by their content.
     """
 
     path: Path
@@ -47,51 +47,50 @@ class Request(NamedTuple):
         """
         if not self.path.exists():
             return
-        before = self._kept()
-        changes = list(_changes("", before, self._stated()))
+        changes = list(_changes("", self._stored(), self._current()))
         if changes:
             more = f" and {len(changes) - 1} more" if changes[1:] else ""
             limit = f"contains the results of another request: {changes[0]}{more}"
-            remedy = f"choose another --out, or remove {self.path.name} to replace them"
+            remedy = f"specify another --out, or remove {self.path.name} to replace them"
             raise OutputError(str(self.path.parent), limit=limit, remedy=remedy)
 
     @property
     def content(self) -> dict[Path, bytes]:
         """The file and its content."""
-        return {self.path: (json.dumps(self._stated(), indent=1) + "\n").encode()}
+        return {self.path: (json.dumps(self._current(), indent=1) + "\n").encode()}
 
-    def _stated(self) -> dict[str, Any]:
-        options = self.options.model_dump(mode="json", exclude_defaults=True, exclude=NOT_OF_THE_TABLE)
-        named = {key: path for key in options if isinstance(path := getattr(self.options, key), Path)}
-        digests = {key: hashlib.sha256(bytes_of(path)).hexdigest() for key, path in named.items()}
+    def _current(self) -> dict[str, Any]:
+        options = self.options.model_dump(mode="json", exclude_defaults=True, exclude=OUTPUT_ONLY)
+        paths = {key: path for key in options if isinstance(path := getattr(self.options, key), Path)}
+        digests = {key: hashlib.sha256(file_bytes(path)).hexdigest() for key, path in paths.items()}
         return {"design": plain(self.design), "options": options, "files": Variant(self.design).files | digests}
 
-    def _kept(self) -> dict[str, Any]:
+    def _stored(self) -> dict[str, Any]:
         try:
-            kept = json.loads(read_text(self.path, DataError))
+            stored = json.loads(read_text(self.path, DataError))
         except ValueError:
-            kept = None
-        if not isinstance(kept, dict):
+            stored = None
+        if not isinstance(stored, dict):
             raise DataError(str(self.path), limit="is not a request of solen explore", remedy="remove it")
-        return kept
+        return stored
 
 
-def _changes(key: str, before: Any, now: Any) -> Iterator[str]:
-    """Describe the difference between two values of a key in words."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        for name in {**before, **now}:
+def _changes(key: str, stored: Any, current: Any) -> Iterator[str]:
+    """Yield descriptions of the differences between two values of a key."""
+    if isinstance(stored, dict) and isinstance(current, dict):
+        for name in {**stored, **current}:
             inner = name if key in {"", "design"} else f"{key}.{name}"
-            yield from _changes(inner, before.get(name), now.get(name))
-    elif before != now:
-        yield f"{_option(key)} is {_short(before)} there and {_short(now)} here"
+            yield from _changes(inner, stored.get(name), current.get(name))
+    elif stored != current:
+        yield f"{_option(key)} is {_value_text(stored)} there and {_value_text(current)} here"
 
 
 def _option(key: str) -> str:
     return f"--{key.removeprefix('options.').replace('_', '-')}" if key.startswith("options.") else key
 
 
-def _short(value: Any) -> str:
-    """Format a value as it was specified, or as its default."""
+def _value_text(value: Any) -> str:
+    """Format a value as the user specifies it."""
     if value is None:
         return "default"
     if isinstance(value, list):

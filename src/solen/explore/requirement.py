@@ -1,8 +1,8 @@
 """Requirements and goals: expressions of merits, such as ``abs(null_deg) < 0.3``.
 
-The names in an expression are merits. ``base`` is the value for the design itself of the merit in the expression, which
-must then contain only one; ``base_null_deg`` names it in full. If a design is traced with deviations, ``worst(light)``
-is the worst value over them, and other merits in the expression are those of the design without deviations.
+The names in an expression are merits. ``base_null_deg`` is the null of the design itself; ``base`` is short for it if
+the null is the only merit in the expression. If a design is traced with deviations, ``worst(light)`` is the worst value
+over them, and other merits in the expression are those of the design without deviations.
 
 Public names: `Requirement` and `Goal`.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import MERITS, worst_place
+from solen.explore.merits import MERITS, worst_index
 from solen.expression import MAX_LENGTH, Grammar, names, parsed, value, violation
 from solen.spec.strict import nearest
 
@@ -30,7 +30,7 @@ class Expression:
     Attributes
     ----------
     text
-        Text as it was stated.
+        The expression as specified.
     merits
         Merits in the expression.
     worst
@@ -52,24 +52,22 @@ class Expression:
     def parse(cls, text: str, known: tuple[str, ...] = MERITS) -> Self:
         """Parse an expression of the existing merits; raise `SpecError` if it is malformed or contains no merit."""
         grammar = cls._grammar(text, known)
-        stated = dict.fromkeys(names(parsed(text, grammar), grammar))
-        bare = [name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") for name in stated if name != _BASE]
-        merits = tuple(dict.fromkeys(bare))
-        worst = tuple(merit for merit in merits if f"{_WORST} {merit}" in stated)
+        terms = dict.fromkeys(names(parsed(text, grammar), grammar))
+        unprefixed = [name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") for name in terms if name != _BASE]
+        merits = tuple(dict.fromkeys(unprefixed))
+        worst = tuple(merit for merit in merits if f"{_WORST} {merit}" in terms)
         if worst and not cls.has_cases:
-            raise cls.refusal(
-                text, "worst(...) requires deviations specified with --robust, but there are none", "omit it"
-            )
+            limit = "worst(...) requires deviations specified with --robust, but there are none"
+            raise cls.malformed(text, limit, "write the merit without worst")
         if not merits:
-            raise cls.refusal(text, "names no merit", f"the merits are {', '.join(known)}")
-        if _BASE in stated and len(merits) > 1:
-            raise cls.refusal(
-                text, "base stands for a single merit, but several are named", f"write {_BASE}_{merits[0]}"
-            )
+            raise cls.malformed(text, "names no merit", f"use one of {', '.join(known)}")
+        if _BASE in terms and len(merits) > 1:
+            limit = "base stands for a single merit, but several are named"
+            raise cls.malformed(text, limit, f"write {_BASE}_{merits[0]}")
         return cls(text, merits, worst, known)
 
     @classmethod
-    def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
+    def malformed(cls, text: str, limit: str, remedy: str = "") -> SpecError:
         """Return the error of a malformed expression."""
         text = text if len(text) <= MAX_LENGTH else f"{text[:20]}..."
         example = "abs(null_deg) < 0.3" if cls.is_condition else "linearity_percent"
@@ -79,12 +77,12 @@ class Expression:
     def _grammar(cls, text: str, known: tuple[str, ...]) -> Grammar:
         def check(name: str) -> None:
             if name != _BASE and name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") not in known:
-                near = nearest(name, known)
-                remedy = f"did you mean {near}?" if near else f"the merits are {', '.join(known)}"
-                raise cls.refusal(text, f"{name} is not a merit", remedy)
+                suggestion = nearest(name, known)
+                remedy = f"did you mean {suggestion}?" if suggestion else f"use one of {', '.join(known)}"
+                raise cls.malformed(text, f"{name} is not a merit", remedy)
 
         return Grammar(
-            "merit", cls.is_condition, lambda limit, remedy: cls.refusal(text, limit, remedy), check, (_WORST,)
+            "merit", cls.is_condition, lambda limit, remedy: cls.malformed(text, limit, remedy), check, (_WORST,)
         )
 
     @property
@@ -92,11 +90,10 @@ class Expression:
         return parsed(self.text, self._grammar(self.text, self.known))
 
     def _values(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> dict[str, Any]:
-        named = {f"{_BASE}_{name}": value for name, value in base.items()}
-        numbers = named | {_BASE: base[self.merits[0]]}
-        own = {name: column[:1] for name, column in merits.items()} if self.worst else merits
-        numbers |= {f"{_WORST} {name}": merits[name][worst_place(name, merits[name])] for name in self.worst}
-        return {**own, **{name: np.float64(value) for name, value in numbers.items()}}
+        scalars = {f"{_BASE}_{name}": value for name, value in base.items()} | {_BASE: base[self.merits[0]]}
+        scalars |= {f"{_WORST} {name}": merits[name][worst_index(name, merits[name])] for name in self.worst}
+        columns = {name: column[:1] for name, column in merits.items()} if self.worst else merits
+        return {**columns, **{name: np.float64(value) for name, value in scalars.items()}}
 
 
 @dataclass(frozen=True)
@@ -104,16 +101,16 @@ class Requirement(Expression):
     """A condition on merits."""
 
     def met(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> BoolArray:
-        """Return a mask of merits (P,) that meet the condition, given those of the design; false if missing."""
+        """Return a mask (P,) of the merits that meet the condition, given those of the design; false if missing."""
         exists = np.all([~np.isnan(merits[name]) for name in self.merits], axis=0)
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)) & exists, dtype=bool)
 
     def violation(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
-        """Return the violation by merits (P,) as a fraction of the limits; 0 if they hold, 1 if a merit is missing."""
+        """Return the violation (P,) as a fraction of the limit; 0 if the condition is met, 1 if a merit is missing."""
         with np.errstate(all="ignore"):
-            violation_size = violation(self._tree, self._values(merits, base))
-        return np.where(self.met(merits, base), 0.0, np.nan_to_num(violation_size, nan=1.0, posinf=1e3))
+            size = violation(self._tree, self._values(merits, base))
+        return np.where(self.met(merits, base), 0.0, np.nan_to_num(size, nan=1.0, posinf=1e3))
 
 
 @dataclass(frozen=True)

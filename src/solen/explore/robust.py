@@ -1,4 +1,4 @@
-"""Deviations that a design must tolerate: the design without deviations, and with numbers deviating to either side.
+"""Deviations that a design must tolerate: parameters deviate to either side of their nominal values.
 
 Public name: `cases_of`.
 """
@@ -7,24 +7,24 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 
 from solen.errors import SpecError
-from solen.explore.variations import deviation_of
+from solen.explore.variations import parse_deviation
 from solen.sensor import Sensor
 
-MAX_NUMBERS = 4
+MAX_PARAMETERS = 4
 
 
 def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator[dict[str, float]]:
-    """Return the design's cases: no deviation, and all combinations; with ``mirrors``, one of two mirror images.
+    """Yield the deviations of each case: first none, then all combinations; with ``mirrors``, one of two mirror images.
 
     Raises
     ------
     SpecError
-        If a text is malformed, a number is stated twice, or there are too many numbers.
+        If a text is malformed, a parameter is specified twice, or there are too many parameters.
     """
-    deviations = dict(deviation_of(text, sensor, "--robust") for text in texts)
-    if len(deviations) < len(texts) or len(deviations) > MAX_NUMBERS:
-        limit = f"accepts each parameter once, and at most {MAX_NUMBERS} parameters"
-        raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="omit one")
+    deviations = dict(parse_deviation(text, sensor, "--robust") for text in texts)
+    if len(deviations) < len(texts) or len(deviations) > MAX_PARAMETERS:
+        limit = f"accepts each parameter once, and at most {MAX_PARAMETERS} parameters"
+        raise SpecError("--robust", value=f"{len(texts)} parameters", limit=limit, remedy="omit one of them")
     mirrors = mirrors and sensor.is_symmetric
     yield {}
     for signs in product((1.0, -1.0), repeat=len(deviations)):

@@ -1,4 +1,4 @@
-"""Responses and pictures of a design for a few values of its numbers, computed in advance for a page with sliders."""
+"""Responses and pictures of a design for a few values of its parameters, computed in advance for a page of sliders."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from pydantic import Field
 from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid
-from solen.explore.live import GOAL, Curve, batched_response, curve_of, largest_u, misleading
+from solen.explore.live import GOAL, Curve, batched_response, curve_of, largest_u, planar_model_error
 from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Picture, Sensor, in_plane, picture, why_not_batched
@@ -20,40 +20,40 @@ from solen.spec.strict import Options
 
 MAX_AXES, MAX_POINTS = 3, 125
 FIRST_RAYS, MORE_RAYS = 2**14, 2**17
-"""Numbers of rays per angle: for the first trace, and for a second one if the first does not reach `GOAL`."""
+"""Numbers of rays per angle: of the first trace, and of a second one if the first does not reach `GOAL`."""
 
 
 class SlidersOptions(Options):
     """Sliders of a page."""
 
     over: tuple[str, ...] = ()
-    """A slider with its values, lens.focus_mm=15:25:5 or a list; repeatable, three at most. Default: the emitter's
-    decentre and the focus.
+    """Key and values of a slider: lens.focus_mm=15:25:5 or a list; repeatable, at most three. Default: the decentre of
+    the emitter and the focus.
     """
     drawn_rays: int = Field(60, ge=1, le=500)
     """Number of rays drawn at each angle."""
 
 
-class Slid(Result):
-    """A point of the sliders.
+class SlidersPoint(Result):
+    """The design for one combination of the sliders' values.
 
     Attributes
     ----------
     curve
         Its response and its merits.
-    misleading
-        Description of the plane's error in words.
+    planar_model_error
+        Sentence on the error of the model in the plane; empty if there is none.
     pictures
         The sensor at each angle of the response.
     """
 
     curve: Curve
-    misleading: str
+    planar_model_error: str
     pictures: tuple[Picture, ...] = field(metadata=HIDDEN)
 
 
 class Sliders(Result):
-    """A design over a grid of values.
+    """A design on a grid of values.
 
     Attributes
     ----------
@@ -62,11 +62,11 @@ class Sliders(Result):
     keys, values
         Key of each slider, and its values.
     in_space
-        Whether responses were traced in space.
+        Whether the responses were traced in space (3-D).
     angle_deg
         (A,) angles of every response.
     points
-        Points of the grid, with the last slider varying fastest; None if the sensor cannot be built.
+        Points of the grid, where the last slider varies fastest; None if the sensor cannot be built.
     simulated
         Always true, since nothing was measured.
     """
@@ -76,7 +76,7 @@ class Sliders(Result):
     values: tuple[tuple[float, ...], ...]
     in_space: bool
     angle_deg: FloatArray
-    points: tuple[Slid | None, ...] = field(metadata=HIDDEN)
+    points: tuple[SlidersPoint | None, ...] = field(metadata=HIDDEN)
     simulated: bool = True
 
     @reported
@@ -91,12 +91,12 @@ class Sliders(Result):
 
     @property
     def u_largest(self) -> float:
-        """Largest uncertainty of a contrast."""
+        """Largest uncertainty of the contrast."""
         return float(np.nanmax(self.u_contrast))
 
     def _rows(self, name: str) -> FloatArray:
-        none = np.full(len(self.angle_deg), math.nan)
-        return np.array([none if point is None else getattr(point.curve.response, name) for point in self.points])
+        missing = np.full(len(self.angle_deg), math.nan)
+        return np.array([missing if point is None else getattr(point.curve.response, name) for point in self.points])
 
 
 def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress: Progress | None = None) -> Sliders:
@@ -105,74 +105,72 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
     Raises
     ------
     SpecError
-        If a slider is malformed, there are too many, or values are not numbers.
+        If a slider is malformed, there are too many of them, or values are not numbers.
     DesignError
         If the design itself has no response.
     """
     axes = _axes(design, options)
     Sensor.of(design).check_pair()
-    places = list(grid(axes))
-    found: list[Slid | None] = []
-    for done, values in enumerate(places):
+    combinations = list(grid(axes))
+    points: list[SlidersPoint | None] = []
+    for done, values in enumerate(combinations):
 
-        def share(of_point: float, done: int = done) -> None:
+        def report(fraction: float, done: int = done) -> None:
             if progress is not None:
-                progress((done + of_point) / len(places))
+                progress((done + fraction) / len(combinations))
 
-        share(0.0)
+        report(0.0)
         try:
-            found.append(_point(Sensor.of(design.set(values)), options.drawn_rays, share))
+            points.append(_point(Sensor.of(design.set(values)), options.drawn_rays, report))
         except SolenError:
-            found.append(None)
-        share(1.0)
-    if not any(found):
+            points.append(None)
+        report(1.0)
+    if not any(points):
         raise SpecError(
             "--over", limit="none of these sensors can be built", remedy="use values closer to those of the design"
         )
     return Sliders(
         name=design.name,
-        keys=tuple(one.key for one in axes),
-        values=tuple(one.values for one in axes),
+        keys=tuple(axis.key for axis in axes),
+        values=tuple(axis.values for axis in axes),
         in_space=design.trace.dimension == "extruded",
         angle_deg=np.array(subsample(design.motion.values(), MAX_ANGLES)),
-        points=tuple(found),
+        points=tuple(points),
     )
 
 
 def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
-    axes = [axis(text, design) for text in options.over] or _usual(design)
+    axes = [axis(text, design) for text in options.over] or _default_axes(design)
     check_axes(axes, None)
     if len(axes) > MAX_AXES:
-        raise SpecError("--over", value=len(axes), limit=f"at most {MAX_AXES} sliders", remedy="omit some")
-    points = math.prod(len(one.values) for one in axes)
+        limit = f"a page has at most {MAX_AXES} sliders"
+        raise SpecError("--over", value=f"{len(axes)} sliders", limit=limit, remedy=f"use --over {MAX_AXES} times")
+    points = math.prod(len(slider.values) for slider in axes)
     if points > MAX_POINTS:
-        limit = f"a page has at most {MAX_POINTS} points"
-        raise SpecError("--over", value=points, limit=limit, remedy="use fewer values")
-    for one in axes:
-        if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in one.values):
-            raise SpecError(
-                f"--over {one.key}",
-                limit="a slider requires a key with numerical values",
-                remedy="name a design parameter",
-            )
+        limit = f"a page has at most {MAX_POINTS} combinations"
+        raise SpecError("--over", value=f"{points} combinations", limit=limit, remedy="use fewer values")
+    for slider in axes:
+        if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in slider.values):
+            limit = "a slider requires a key with numerical values"
+            raise SpecError(f"--over {slider.key}", limit=limit, remedy="specify another design parameter")
     return axes
 
 
-def _usual(design: Design) -> list[Axis]:
+def _default_axes(design: Design) -> list[Axis]:
     offset, focus = design.emitter.offset_mm, design.lens.focus_mm
     return [
-        Axis("emitter.offset_mm", tuple(round(offset + by, 6) for by in (-0.1, -0.05, 0.0, 0.05, 0.1))),
-        Axis("lens.focus_mm", tuple(round(focus * by, 6) for by in (0.8, 0.9, 1.0, 1.1, 1.2))),
+        Axis("emitter.offset_mm", tuple(round(offset + step, 6) for step in (-0.1, -0.05, 0.0, 0.05, 0.1))),
+        Axis("lens.focus_mm", tuple(round(focus * factor, 6) for factor in (0.8, 0.9, 1.0, 1.1, 1.2))),
     ]
 
 
-def _point(sensor: Sensor, rays: int, progress: Progress) -> Slid:
+def _point(sensor: Sensor, rays: int, progress: Progress) -> SlidersPoint:
     angles = subsample(sensor.design.motion.values(), MAX_ANGLES)
-    curve, flat = _curve(sensor, angles, progress), in_plane(sensor)
-    words = ""
-    if curve.in_space and not why_not_batched(flat):
-        words = misleading(batched_response(flat, angles, FIRST_RAYS), curve.response)
-    return Slid(curve, words, tuple(picture(sensor, angle, rays) for angle in angles))
+    curve, planar = _curve(sensor, angles, progress), in_plane(sensor)
+    error = ""
+    if curve.in_space and not why_not_batched(planar):
+        error = planar_model_error(batched_response(planar, angles, FIRST_RAYS), curve.response)
+    return SlidersPoint(curve, error, tuple(picture(sensor, angle, rays) for angle in angles))
 
 
 def _curve(sensor: Sensor, angles: Sequence[float], progress: Progress) -> Curve:

@@ -1,4 +1,4 @@
-"""Points of a scrambled Sobol' sequence, which fill a box evenly."""
+"""Points of a scrambled Sobol' sequence, which are evenly distributed in a unit cube."""
 
 import numpy as np
 from scipy.stats import qmc
@@ -6,9 +6,9 @@ from scipy.stats import qmc
 from solen.arrays import FloatArray
 
 
-def sobol(dimensions: int, number: int, rng: np.random.Generator, first: int = 0) -> FloatArray:
-    """Return points (number, dimensions) between 0 and 1 of a Sobol' sequence, scrambled with a generator."""
+def sobol(dimensions: int, count: int, rng: np.random.Generator, first: int = 0) -> FloatArray:
+    """Return points (count, dimensions) of a Sobol' sequence scrambled with a generator, from the one with an index."""
     sequence = qmc.Sobol(dimensions, rng=rng)
     if first:
-        return np.asarray(sequence.fast_forward(first).random(number))
-    return np.asarray(sequence.random_base2((number - 1).bit_length())[:number])
+        return np.asarray(sequence.fast_forward(first).random(count))
+    return np.asarray(sequence.random_base2((count - 1).bit_length())[:count])

@@ -25,6 +25,6 @@ def design_of(subject: Subject) -> Design:
     if not isinstance(subject, Sensor):
         return load(subject)
     if Sensor.of(subject.design) != subject:
-        limit = "has another lens or material than its design, and only designs can be explored"
+        limit = "has a lens or a material that differs from its design, and only designs can be explored"
         raise SpecError("sensor", value=subject.design.name, limit=limit, remedy="set the values in its design")
     return subject.design

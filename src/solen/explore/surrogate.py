@@ -1,8 +1,8 @@
-"""A surrogate of a merit: a polynomial of the varying numbers, fitted to traced samples and tested on others.
+"""Surrogate of a figure of merit: a polynomial in the varying parameters, fitted to traced samples and cross-validated.
 
-The polynomials are orthonormal under the distributions of their variables (polynomial chaos: Hermite for normal,
-Legendre for uniform ones), which makes Sobol' indices sums of squared coefficients (Sudret, Reliability Engineering &
-System Safety 93, 964, 2008). The degree is that with the smallest error on held-out samples.
+The basis is orthonormal under the distributions of the variables (polynomial chaos: Hermite polynomials for normal,
+Legendre polynomials for uniform ones), so that Sobol' indices are sums of squared coefficients (Sudret, Reliability
+Engineering & System Safety 93, 964, 2008). The degree is that with the smallest error on held-out samples.
 
 Public names: `fit` and `Surrogate`.
 """
@@ -17,29 +17,29 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.explore.variations import Variation
 
-MAX_DEGREE, SAMPLES_A_TERM = 12, 3
+MAX_DEGREE, SAMPLES_PER_TERM = 12, 3
 PATIENCE = 3
-"""Number of degrees without improvement after which no higher degree is tried."""
+"""Largest number of degrees tried after the best one."""
 FOLDS = 8
 """Number of cross-validation folds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Polynomial of D variables with T terms.
+    """Polynomial in D variables with T terms.
 
     Attributes
     ----------
     variations
         The variables.
     degrees
-        (T, D) degree of each term in each variable; the constant first.
+        (T, D) degree of each term in each variable; the first term is constant.
     coefficients
         Coefficients (T,) of the terms.
     held_out
         Fraction of the variance of held-out samples that the polynomial does not explain.
     folds
-        (FOLDS, T) coefficients fitted without each part of the samples.
+        (FOLDS, T) coefficients fitted without each fold of the samples.
     """
 
     variations: tuple[Variation, ...]
@@ -49,7 +49,7 @@ class Surrogate:
     folds: FloatArray
 
     def __call__(self, deviations: FloatArray, fold: int | None = None) -> FloatArray:
-        """Return values (N,) at deviations (N, D); with ``fold``, of the polynomial fitted without that part."""
+        """Return values (N,) at deviations (N, D); with ``fold``, those of the polynomial fitted without that fold."""
         coefficients = self.coefficients if fold is None else self.folds[fold]
         return np.asarray(_terms(self.variations, self.degrees, deviations) @ coefficients)
 
@@ -61,71 +61,70 @@ class Surrogate:
     @cached_property
     def first_order(self) -> FloatArray:
         """First-order Sobol' indices (D,): fraction of variance due to each variable alone; NaN without variance."""
-        alone = (self.degrees > 0).sum(axis=1) == 1
-        return self._shares((self.degrees > 0) & alone[:, None])
+        univariate = (self.degrees > 0).sum(axis=1) == 1
+        return self._variance_fractions((self.degrees > 0) & univariate[:, None])
 
     @cached_property
     def total(self) -> FloatArray:
-        """Total Sobol' indices (D,): the fraction of the variance due to each variable, with its interactions."""
-        return self._shares(self.degrees > 0)
+        """Total Sobol' indices (D,): fraction of the variance due to each variable, including its interactions."""
+        return self._variance_fractions(self.degrees > 0)
 
-    def _shares(self, counted: BoolArray) -> FloatArray:
+    def _variance_fractions(self, terms: BoolArray) -> FloatArray:
         variance = self.coefficients[1:] @ self.coefficients[1:]
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray((self.coefficients**2 @ counted) / variance)
+            return np.asarray((self.coefficients**2 @ terms) / variance)
 
 
 def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatArray) -> Surrogate:
     """Fit a surrogate to values (N,) at deviations (N, D); samples without a finite value are omitted.
 
-    The held-out parts are those of `parts`.
+    The folds of the cross-validation are those of `fold_indices`.
     """
-    part = parts(values.size)
     finite = np.isfinite(values)
-    known, part = deviations[finite], part[finite]
+    fold = fold_indices(values.size)[finite]
     best: Surrogate | None = None
     for degree in range(MAX_DEGREE + 1):
         degrees = _degrees(len(variations), degree)
         last = best is not None and degree - best.degree > PATIENCE
-        if last or (degree and SAMPLES_A_TERM * len(degrees) > values[finite].size):
+        if last or (degree and SAMPLES_PER_TERM * len(degrees) > fold.size):
             break
-        made = _fitted(tuple(variations), degrees, known, values[finite], part)
-        if best is None or made.held_out < best.held_out:
-            best = made
+        surrogate = _fitted(tuple(variations), degrees, deviations[finite], values[finite], fold)
+        if best is None or surrogate.held_out < best.held_out:
+            best = surrogate
     assert best is not None  # noqa: S101  degree 0 always fits
     return best
 
 
-def parts(number: int) -> IntArray:
-    """Return the part, 0 to `FOLDS` − 1, of each sample; shuffled, as every n-th Sobol' point is in a corner."""
-    return np.asarray(np.random.default_rng(0).permutation(number) % FOLDS)
+def fold_indices(samples: int) -> IntArray:
+    """Return the fold of each sample in random order, since every n-th Sobol' point is in the same part of the cube."""
+    return np.asarray(np.random.default_rng(0).permutation(samples) % FOLDS)
 
 
 def _fitted(
-    variations: tuple[Variation, ...], degrees: IntArray, deviations: FloatArray, values: FloatArray, part: IntArray
+    variations: tuple[Variation, ...], degrees: IntArray, deviations: FloatArray, values: FloatArray, fold: IntArray
 ) -> Surrogate:
     terms = _terms(variations, degrees, deviations)
-    folds = np.array([np.linalg.lstsq(terms[part != k], values[part != k])[0] for k in range(FOLDS)])
-    missed = values - (terms * folds[part]).sum(axis=1)
+    folds = np.array([np.linalg.lstsq(terms[fold != k], values[fold != k])[0] for k in range(FOLDS)])
+    residual = values - (terms * folds[fold]).sum(axis=1)
     variance = float(values.var())
-    held_out = float((missed**2).mean()) / variance if variance > 0.0 else 0.0
+    held_out = float((residual**2).mean()) / variance if variance > 0.0 else 0.0
     coefficients = np.asarray(np.linalg.lstsq(terms, values)[0], dtype=np.float64)
     return Surrogate(variations, degrees, coefficients, held_out, folds)
 
 
 def _degrees(variables: int, highest: int) -> IntArray:
-    """Return the degrees (T, variables) of all terms up to a total degree, the constant first."""
-    chosen = (
-        terms for degree in range(highest + 1) for terms in combinations_with_replacement(range(variables), degree)
+    """Return the degrees (T, variables) of all terms up to a total degree, the constant term first."""
+    terms = (
+        factors for degree in range(highest + 1) for factors in combinations_with_replacement(range(variables), degree)
     )
-    return np.array([np.bincount(np.array(terms, dtype=int), minlength=variables) for terms in chosen])
+    return np.array([np.bincount(np.array(factors, dtype=int), minlength=variables) for factors in terms])
 
 
 def _terms(variations: Sequence[Variation], degrees: IntArray, deviations: FloatArray) -> FloatArray:
     """Return the values (N, T) of the terms."""
     product = np.ones((deviations.shape[0], len(degrees)))
-    for place, variation in enumerate(variations):
-        variable = variation.standard(deviations[:, place])
-        powers = np.array([variation.polynomial(degree, variable) for degree in range(degrees[:, place].max() + 1)])
-        product *= powers[degrees[:, place]].T
+    for k, variation in enumerate(variations):
+        variable = variation.standard(deviations[:, k])
+        basis = np.array([variation.polynomial(degree, variable) for degree in range(degrees[:, k].max() + 1)])
+        product *= basis[degrees[:, k]].T
     return product

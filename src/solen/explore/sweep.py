@@ -1,4 +1,4 @@
-"""A sweep: the response and the merits of a design over values of any of its keys.
+"""A sweep: the response and the figures of merit of a design over values of any of its keys.
 
 Public names: `sweep` and `SweepOptions`.
 """
@@ -18,7 +18,7 @@ from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.chips import chips_last, chips_of
 from solen.explore.machines import Machine
 from solen.explore.measures import Measure, measure_of, merits_of_points
-from solen.explore.merits import worst_place
+from solen.explore.merits import worst_index
 from solen.explore.responses import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.robust import cases_of
 from solen.explore.store import Chip, Point, Store, Variant
@@ -30,35 +30,35 @@ from solen.sensor import Sensor
 from solen.sensor.numbers import why_inert
 from solen.spec import Design, dumps, with_values
 
-OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg", "network.motion[")
+MOTION_KEYS = ("motion.from_deg", "motion.to_deg", "motion.step_deg", "network.motion[")
 
 
 class SweepOptions(AccuracyOptions):
     """Axes of a sweep."""
 
     over: tuple[str, ...] = ()
-    """A key of the design and its values, KEY=FROM:TO:NUMBER or KEY=VALUE,VALUE,...; with --samples, KEY=FROM:TO;
+    """A key of the design and its values: KEY=FROM:TO:NUMBER or KEY=VALUE,VALUE,...; with --samples, KEY=FROM:TO;
     repeatable.
     """
     samples: int | None = Field(None, ge=2)
-    """Number of points of a scrambled Sobol' sequence to draw instead of the grid of all values."""
+    """Number of points of a scrambled Sobol' sequence, which replace the grid of all values."""
     seed: int = Field(0, ge=0)
     """Seed of the samples."""
     part: str | None = None
-    """Part of the points to trace, as in 3/10; each part has its own table."""
+    """Part of the points to trace, as in 3/10; each part is written to a separate table."""
 
     @property
     def stem(self) -> str:
-        """End of the names of the files written by the sweep."""
+        """Stem of the names of the files written by the sweep."""
         return "sweep" if self.part is None else f"sweep-{self.part.replace('/', '-of-')}"
 
     def folder(self, out: Path) -> Path:
-        """Return the folder of the points; a part has its own folder, so that only this part is in memory."""
+        """Return the folder of the points; each part has a separate folder, so that only that part is in memory."""
         return out if self.part is None else out / self.stem
 
     robust: tuple[str, ...] = ()
-    """A number and its deviation, KEY=DEVIATION: each point is also traced with the number deviating to either side, in
-    all combinations, and the table contains the worst value of each merit, worst_NAME; repeatable.
+    """A parameter and its deviation, KEY=DEVIATION: each point is also traced with the parameter deviating to either
+    side, in all combinations, and the table contains the worst value of each merit, worst_NAME; repeatable.
     """
 
 
@@ -69,7 +69,7 @@ def sweep(
     progress: Progress | None = None,
     machine: Machine | None = None,
 ) -> Sweep:
-    """Compute responses and merits of a design over values of its keys.
+    """Compute responses and figures of merit of a design over values of its keys.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def sweep(
     options
         The axes.
     store
-        Known points, to which new ones are added; default: a store in memory.
+        Store of known points, to which new ones are added; default: a store in memory.
     progress
         Function called with the completed fraction, up to 1.
     machine
@@ -91,13 +91,13 @@ def sweep(
     """
     store, design = Store() if store is None else store, design_of(subject)
     axes = [axis(text, design) for text in options.over]
-    numbers = check_axes(axes, options.samples, options.part)
+    indices = check_axes(axes, options.samples, options.part)
     measure = measure_of(design)
-    _check_axes(axes)
+    _check_same_angles(axes)
     if options.samples is None and "seed" in options.model_fields_set:
         limit = "is the seed of --samples, and a grid uses no seed"
         raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or omit it")
-    points = list(grid(axes, numbers) if options.samples is None else sampled(axes, numbers, options.seed))
+    points = list(grid(axes, indices) if options.samples is None else sampled(axes, indices, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
 
@@ -109,23 +109,23 @@ def sweep(
         cases: Sequence[Mapping[str, float]] = ({},),
         progress: Progress | None = None,
     ) -> list[Point]:
-        variants = (partial(_set_in, design, point, case, chips) for point in points for case in cases)
+        variants = (partial(_variant, design, point, case, chips) for point in points for case in cases)
         return responses(variants, options.accuracy, store, progress, machine)
 
     order = chips_last(axes) if chips else range(len(points))
-    traced = trace([points[place] for place in order], cases, progress)
-    traced = [traced[place] for place in np.argsort(order)] if chips else traced
-    as_it_is = traced[:: len(cases)]
-    still = unused_on_grid(axes, as_it_is) if is_grid else list(unused_in_samples(axes, points, as_it_is, trace))
-    values = {one.key: [point[one.key] for point in points] for one in axes}
-    shape = tuple(len(one.values) for one in axes) if is_grid else (len(points),)
+    traced = trace([points[index] for index in order], cases, progress)
+    traced = [traced[index] for index in np.argsort(order)] if chips else traced
+    nominal = traced[:: len(cases)]
+    unused = unused_on_grid(axes, nominal) if is_grid else list(unused_in_samples(axes, points, nominal, trace))
+    values = {axis.key: [point[axis.key] for point in points] for axis in axes}
+    shape = tuple(len(axis.values) for axis in axes) if is_grid else (len(points),)
     seed = None if options.samples is None else options.seed
     swept = _swept(design, measure, values, shape, seed, traced, cases, len(store.points) - known)
-    swept = replace(swept, part=options.part, first=numbers.start)
-    return replace(swept, warnings=(*swept.warnings, *(_has_no_effect(design, key) for key in still)))
+    swept = replace(swept, part=options.part, first=indices.start)
+    return replace(swept, warnings=(*swept.warnings, *(_no_effect_warning(design, key) for key in unused)))
 
 
-def _has_no_effect(design: Design, key: str) -> str:
+def _no_effect_warning(design: Design, key: str) -> str:
     """Return a warning about a key that changes nothing, with the reason if it is known."""
     try:
         why = why_inert(Sensor.of(design), key)
@@ -134,31 +134,28 @@ def _has_no_effect(design: Design, key: str) -> str:
     return f"{key} changes no response at any point{f': {why}' if why else ''}; omit --over {key}"
 
 
-def _set_in(
-    design: Design, point: Mapping[str, Any], off: Mapping[str, float], chips: tuple[Chip, ...] = ()
+def _variant(
+    design: Design, point: Mapping[str, Any], deviations: Mapping[str, float], chips: tuple[Chip, ...] = ()
 ) -> Variant:
-    return Variant(with_values(design, point), off, chips=chips)
+    return Variant(with_values(design, point), deviations, chips=chips)
 
 
 def _worst(measure: Measure, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:
-    """Return the worst of each merit over the cases of each point, and its uncertainty there."""
+    """Return the worst value of each merit over the cases of each point, and the uncertainty of that value."""
     table = {name: column.reshape(-1, cases) for name, column in merits_of_points(measure, points).items()}
-    found = {}
+    worst = {}
     for name in measure.names:
-        place = np.array([worst_place(name, row) for row in table[name]])[:, None]
-        for key in (name, f"u_{name}"):
-            found[f"u_worst_{name}" if key != name else f"worst_{name}"] = np.take_along_axis(table[key], place, 1)[
-                :, 0
-            ]
-    return found
+        index = np.array([worst_index(name, row) for row in table[name]])[:, None]
+        worst[f"worst_{name}"] = np.take_along_axis(table[name], index, 1)[:, 0]
+        worst[f"u_worst_{name}"] = np.take_along_axis(table[f"u_{name}"], index, 1)[:, 0]
+    return worst
 
 
-def _check_axes(axes: Sequence[Axis]) -> None:
-    """Check that all points of a sweep have the same angles."""
-    bad = next((one.key for one in axes if one.key.startswith(OF_THE_MOTION)), None)
-    if bad is not None:
-        limit = "all points of a sweep require the same angles"
-        raise SpecError(f"--over {bad}", limit=limit, remedy="use --set for it")
+def _check_same_angles(axes: Sequence[Axis]) -> None:
+    key = next((axis.key for axis in axes if axis.key.startswith(MOTION_KEYS)), None)
+    if key is not None:
+        limit = "all points of a sweep must have the same angles"
+        raise SpecError(f"--over {key}", limit=limit, remedy="specify a single value with --set")
 
 
 def _swept(
@@ -167,17 +164,17 @@ def _swept(
     values: Mapping[str, Sequence[Any]],
     shape: tuple[int, ...],
     seed: int | None,
-    every: Sequence[Point],
+    all_points: Sequence[Point],
     cases: Sequence[Mapping[str, float]],
     traced: int,
 ) -> Sweep:
-    points, failures = every[:: len(cases)], failures_of(every)
+    points, failures = all_points[:: len(cases)], failures_of(all_points)
     first = next((point for point in points if point.is_traced), None)
     if first is None:
         raise SpecError("sweep", limit=f"no point has a response; the first reason: {next(iter(failures))}")
-    nothing = np.full_like(first.power, np.nan)
+    missing = np.full_like(first.power, np.nan)
     power, u_power = (
-        np.array([getattr(point, name) if point.is_traced else nothing for point in points])
+        np.array([getattr(point, name) if point.is_traced else missing for point in points])
         for name in ("power", "u_power")
     )
     return Sweep(
@@ -185,11 +182,11 @@ def _swept(
         values=values,
         shape=shape,
         seed=seed,
-        merits=merits_of_points(measure, points) | (_worst(measure, every, len(cases)) if cases[1:] else {}),
+        merits=merits_of_points(measure, points) | (_worst(measure, all_points, len(cases)) if cases[1:] else {}),
         failures=failures,
         traced=traced,
         robust=tuple(dict(case) for case in cases[1:]),
-        warnings=tuple(point_warnings(measure, every, failures)),
+        warnings=tuple(point_warnings(measure, all_points, failures)),
         angle_deg=measure.angle_deg,
         power=power,
         u_power=u_power,

@@ -1,4 +1,4 @@
-"""The result of a sweep: responses and merits of a design over values of its keys, and their table.
+"""The result of a sweep: responses and figures of merit of a design over values of its keys, and their table.
 
 Public name: `Sweep`.
 """
@@ -15,7 +15,7 @@ from solen.results import HIDDEN, Result, reported
 
 
 class Sweep(Result):
-    """Responses of a design over values of its keys, P points of A angles.
+    """Responses of a design over values of its keys: P points with A angles each.
 
     Attributes
     ----------
@@ -24,26 +24,27 @@ class Sweep(Result):
     values
         The P values of each key; in a grid, the last key varies fastest.
     shape
-        Number of values of each key of a grid; one number, P, for samples or a part.
+        Number of values of each key of a grid; for samples or a part, only P.
     seed
         Seed of the samples; None for a grid.
     part
         Part of the points, such as 3/10; None for all.
     first
-        Number of the first point among all.
+        Index of the first point of the part among all points.
     merits
-        P values of each merit (`Merits`) by name, and their uncertainties by that name with the prefix ``u_``. With
+        P values of each merit (`Merits`), keyed by name, and their uncertainties with the prefix ``u_``. With
         deviations, also the worst values over them, with the prefix ``worst_``.
     failures
-        Reasons why points have no response, with their counts; reasons that differ only in numbers count as one.
+        Reasons why points have no response, with their counts; reasons that differ only in numbers are counted
+        together.
     traced
         Number of responses that were traced rather than read from the store.
     robust
         Deviations with which each point was also traced.
     angle_deg, power, u_power
         Angles (A,) and powers (P, A, 2) at the right and the left receiver; for a network, the angles (A, M) of M
-        motions in A states and powers (P, A, C) of C receivers, of each emitter in turn. NaN for a point without a
-        response.
+        motions in A states and the powers (P, A, C) of C channels: all receivers for the first emitter, then for the
+        next. NaN for a point without a response.
     labels
         For a network, the names of its motions, emitters and receivers.
     design
@@ -90,22 +91,22 @@ class Sweep(Result):
         return {key: list(dict.fromkeys(values)) for key, values in self.values.items()}
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Return the parts of a dataset: a dimension for each key of a grid, or ``sample`` for samples."""
+        """Return variables, coordinates and attributes of a dataset; its dimensions are the keys, or ``sample``."""
         names = tuple(self.values) if self.is_grid else ("sample",)
-        numbers = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
+        indices = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
         values = (
-            {key: (key, own) for key, own in self.axes.items()}
+            {key: (key, distinct) for key, distinct in self.axes.items()}
             if self.is_grid
-            else {key: ("sample", list(own)) for key, own in self.values.items()}
+            else {key: ("sample", list(column)) for key, column in self.values.items()}
         )
-        coordinates: dict[str, Any] = {**values, **numbers}
+        coordinates: dict[str, Any] = {**values, **indices}
         variables: dict[str, Any] = {name: (names, merit.reshape(self.shape)) for name, merit in self.merits.items()}
         if self.labels:
-            coordinates |= {name: (name, list(own)) for name, own in self.labels.items()}
+            coordinates |= {name: (name, list(labels)) for name, labels in self.labels.items()}
             coordinates["angle_deg"] = (("state", "motion"), self.angle_deg)
-            ends = [len(self.labels[name]) for name in ("emitter", "receiver")]
+            channels = [len(self.labels[name]) for name in ("emitter", "receiver")]
             for name in ("power", "u_power"):
-                curve = getattr(self, name).reshape(*self.shape, -1, *ends)
+                curve = getattr(self, name).reshape(*self.shape, -1, *channels)
                 variables[name] = ((*names, "state", "emitter", "receiver"), curve)
         else:
             coordinates["angle_deg"] = ("angle_deg", self.angle_deg)

@@ -21,9 +21,9 @@ class TuneOptions(InspectOptions):
     """Options for measuring an image, and priors of prints."""
 
     repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
-    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, in µm."""
+    """Expected RMS difference between two prints of one drawing in µm, known within a factor of 2."""
     drawn: Path | None = None
-    """Design file of this print; default: the design at first, then the last correction in the log."""
+    """Design file of this print; default: the design for the first print, then the last correction in the log."""
     another_copy: bool = False
     """The image shows another print of the previous drawing."""
 
@@ -37,11 +37,11 @@ class Common:
     overgrowth_um, u_overgrowth_um
         Uniform displacement of all walls outwards.
     size_percent, u_size_percent
-        Relative excess of size in addition to the overgrowth.
+        Relative error of the size in addition to the overgrowth.
     form_um
-        Form (rms, after registration) without both of these, as far as resolved.
+        RMS form after registration, without overgrowth and size, as far as resolved.
     repeat_um
-        Size of the individual form of a print.
+        Standard deviation of the individual form of a print.
     prints
         Number of prints evaluated.
     """
@@ -67,12 +67,12 @@ class TunedStep:
 
 
 class TunedPrint(Result):
-    """A print of a tuning, the next drawing, and the prediction of its print.
+    """A measured print, the next drawing, and the prediction of its print.
 
     Attributes
     ----------
     design, simulated, process
-        Names of the design and the process, and whether any image was computed.
+        Names of the design and the process, and whether any image was simulated.
     number, drawn_by
         Number of the print, and its drawing.
     rms_um, u_rms_um
@@ -80,23 +80,25 @@ class TunedPrint(Result):
     common
         Deviations common to all prints.
     corrected
-        Names of the common deviations that are corrected and exceed their uncertainty; the mean of the others is
-        corrected too.
+        Names of the corrected deviations: the form, and the others if they exceed their uncertainties. The means of
+        the others are corrected too.
     kept
         Whether the previous drawing is kept, since no correction is predicted to be better.
     wall_um, scale
-        Outward displacement of drawn walls, and the factor that enlarges everything.
+        Outward displacement of the drawn walls, and scale factor of the drawing.
     unchanged
-        Deviation of a further print of the same drawing.
+        Predicted deviation of a further print of the same drawing.
     predicted
-        Deviation of the next print, of the corrected or the kept drawing.
+        Predicted deviation of the next print, from the corrected or the kept drawing.
     response
-        Response as designed, of this print and of the next; None if not traced.
+        Response as designed, of this print and of the next print; None if not traced.
     history
         All prints of the log.
     x_mm, measured_um, predicted_um, u_predicted_um
-        Position along the front (N,), deviation there of this print, NaN if it was not measured, and deviation of the
-        next print with its uncertainty.
+        Position along the front (N,), deviation of this print there, NaN if it was not measured, and predicted
+        deviation of the next print with its uncertainty.
+    compensation, profile, log
+        The next drawing, the predicted profile of its print, and the log with this print.
     """
 
     design: str
@@ -121,11 +123,11 @@ class TunedPrint(Result):
     u_predicted_um: FloatArray
     sources: tuple[Provenance, ...]
     warnings: tuple[Caution, ...]
-    made: Compensation = field(metadata=HIDDEN)
+    compensation: Compensation = field(metadata=HIDDEN)
     profile: MeasuredProfile = field(metadata=HIDDEN)
     log: TuningLog = field(metadata=HIDDEN)
 
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
         """Smallest and largest displacement of the drawn lens from the designed one."""
-        return self.made.drawn_range_um
+        return self.compensation.drawn_range_um

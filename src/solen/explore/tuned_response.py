@@ -1,4 +1,4 @@
-"""Response of a sensor with a printed lens, as measured and as predicted for the next print.
+"""Responses of a sensor with the lens as designed, as printed, and as predicted for the next print.
 
 Public name: `responses`.
 """
@@ -30,9 +30,9 @@ def responses(
     after: Sequence[MeasuredLens],
     progress: Progress | None = None,
 ) -> Responses:
-    """Return responses with the lens as designed, as printed and as predicted, in the plane or in space.
+    """Return the responses with the lens as designed, before and after the correction.
 
-    For the printed and the predicted lens, the first profile is the best estimate; further ones are random draws.
+    The first lens of ``before`` and ``after`` is the best estimate; the others are random samples about it.
 
     Raises
     ------
@@ -42,42 +42,43 @@ def responses(
     sensor.check_pair()
     motion = sensor.design.motion.angles_deg()
     angles = sorted({*subsample(motion, MAX_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
-    made = [_response(response_at(sensor, angles), [])]
-    for number, (best, *others) in enumerate((before, after)):
-        sensors = [replace(sensor, cut=lens) for lens in (best, *others)]
-        whole = response_at(sensors[0], angles)
-        near, *away = (_sampled(sensor, angles) for sensor in sensors)
-        made.append(_response(whole, [one - near for one in away]))
+    traced = [_response(response_at(sensor, angles), [])]
+    for number, lenses in enumerate((before, after)):
+        sensors = [replace(sensor, cut=lens) for lens in lenses]
+        best, *others = (_sampled(sensor, angles) for sensor in sensors)
+        traced.append(_response(response_at(sensors[0], angles), [other - best for other in others]))
         if progress is not None:
             progress(0.5 * (number + 1))
-    return Responses(sensor.design.trace.dimension, sensor.light.width_mm, *made)
+    return Responses(sensor.design.trace.dimension, sensor.light.width_mm, *traced)
 
 
 def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
-    """Return contrasts (N,) traced with the same rays for each lens, so that only the lens differs."""
+    """Return the contrast (N,) traced with the same few rays for each lens, so that only the lens differs."""
     scene = sensor.scene(angles[0])
     sampling: Sampling = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
     return sensor.power_of_rays(angles, DRAWN_RAYS, sampling).contrast
 
 
-def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
-    """Return a response whose uncertainty includes the standard deviation over other lenses."""
-    if not np.isfinite([best.contrast, *away]).all():
-        raise DesignError("response", limit="at some angles no light arrives", remedy="narrow the motion")
-    u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)
+def _response(best: Response, changes: Sequence[FloatArray]) -> TunedResponse:
+    """Return a response whose uncertainty includes the RMS change of the contrast over other lenses."""
+    if not np.isfinite([best.contrast, *changes]).all():
+        limit, remedy = "no light arrives at some angles of the motion", "reduce motion.from_deg and motion.to_deg"
+        raise DesignError("response", limit=limit, remedy=remedy)
+    u_lens = np.sqrt(np.mean(np.square(changes), axis=0)) if changes else np.zeros_like(best.contrast)
     u = np.hypot(u_lens, best.u_contrast)
-    low, here, high = (best.index_at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))
+    low, zero, high = (best.index_at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))
     slope = float(best.contrast[high] - best.contrast[low]) / (2.0 * NEAR_DEG)
-    bent = [float(one[high] - one[low]) / (2.0 * NEAR_DEG) for one in away] or [0.0]
-    u_slope = float(np.hypot(np.sqrt(np.mean(np.square(bent))), best.u_contrast[here] / (np.sqrt(2.0) * NEAR_DEG)))
-    null = -float(best.contrast[here]) / slope if slope else np.inf
+    slope_changes = [float(change[high] - change[low]) / (2.0 * NEAR_DEG) for change in changes] or [0.0]
+    u_trace = best.u_contrast[zero] / (np.sqrt(2.0) * NEAR_DEG)
+    u_slope = float(np.hypot(np.sqrt(np.mean(np.square(slope_changes))), u_trace))
+    null = -float(best.contrast[zero]) / slope if slope else np.inf
     has_null = abs(null) <= MAX_NULL_DEG
     return TunedResponse(
         tuple(best.angle_deg.tolist()),
         tuple(np.round(best.contrast, 6).tolist()),
         tuple(np.round(u, 6).tolist()),
         null if has_null else None,
-        float(u[here]) / abs(slope) if has_null else None,
+        float(u[zero]) / abs(slope) if has_null else None,
         slope,
         u_slope,
     )

@@ -1,7 +1,7 @@
 """The log of a tuning: one entry for each print, with its image, measurement and next drawing.
 
-The log contains measurements and drawings but nothing derived from them, so that every call evaluates all prints again.
-A drawing is identified by the hash of its outline, an image by that of its file.
+Each call evaluates all logged measurements and drawings again. A drawing is identified by the hash of its outline, an
+image by that of its file.
 
 Public names: `TuningLog`, `read_log` and `log_text`.
 """
@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from solen.errors import DataError
-from solen.explore.contour import Rows
+from solen.explore.contour import ContourDeviations
 from solen.fabricate.process import Drawing
 from solen.files import read_text
 from solen.results import Result
@@ -26,16 +26,16 @@ AS_DESIGNED = "the design itself"
 
 
 class Correction(Result):
-    """A drawing: number 0 is the design itself, and the others have the number of the print that they follow.
+    """A drawing: number 0 is the design itself, and any other has the number of the print from which it was computed.
 
     Attributes
     ----------
     number, file, sha256
-        Its number, the name of its design file, and the hash of its outline.
+        Number of the drawing, name of its design file, and hash of its outline.
     lens_um
         Displacement of the drawn lens from the designed one along its normals, at equidistant points.
     wall_um, scale
-        Outward displacement of other walls, and the factor that enlarges everything.
+        Outward displacement of other walls, and scale factor of the drawing.
     """
 
     number: int
@@ -58,7 +58,7 @@ class Correction(Result):
 
 
 class LoggedImage(Result):
-    """Measurement of a print from an image, as in `solen.explore.contour.Rows`."""
+    """Measurement of a print from an image, as in `solen.explore.contour.ContourDeviations`."""
 
     file: str
     sha256: str
@@ -71,15 +71,15 @@ class LoggedImage(Result):
     u_um: tuple[float, ...]
 
     @property
-    def rows(self) -> Rows:
+    def deviations(self) -> ContourDeviations:
         """Deviations of the print along its contour."""
         arc, deviation, u = (np.array(column) for column in (self.arc_mm, self.deviation_um, self.u_um))
-        return Rows(arc, deviation, u, self.um_per_px, self.u_um_per_px)
+        return ContourDeviations(arc, deviation, u, self.um_per_px, self.u_um_per_px)
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Predicted deviation (rms) of the next print, its standard uncertainty and 95 % interval."""
+    """Predicted RMS deviation of the next print, its standard uncertainty and 95 % interval."""
 
     rms_um: float
     u_rms_um: float
@@ -94,9 +94,9 @@ class TunedResponse(Result):
     angle_deg, contrast, u_contrast
         Angles, contrast, and its standard uncertainty from the lens and the trace.
     null_deg, u_null_deg
-        Null from the contrast at 0 and the slope there; None if it is not near 0.
+        Null from the contrast and the slope at 0°; None if it is not near 0°.
     slope_per_deg, u_slope_per_deg
-        Slope of the contrast about 0.
+        Slope of the contrast about 0°.
     """
 
     angle_deg: tuple[float, ...]
@@ -109,7 +109,7 @@ class TunedResponse(Result):
 
 
 class Responses(Result):
-    """Response as designed, of this print, and as predicted for the next one."""
+    """Responses as designed, of this print, and as predicted for the next print."""
 
     dimension: str
     width_mm: float
@@ -124,17 +124,17 @@ class LoggedPrint(Result):
     Attributes
     ----------
     number, drawing
-        Its number, and that of the correction it was drawn with.
+        Number of the print, and that of its drawing.
     image
-        Its image.
+        Measurement from the image of the print.
     rms_um, u_rms_um
-        Its deviation, as `solen print inspect` measures it.
+        Deviation of the print, as `solen print inspect` measures it.
     correction
-        The next drawing, from this and all earlier prints; the previous one if kept.
+        The next drawing, from this and all earlier prints; the previous one if it is kept.
     predicted
-        Deviation of the next print of that drawing.
+        Predicted deviation of the next print of that drawing.
     response
-        Response before and after; None if not traced.
+        Responses before and after the correction; None if not traced.
     """
 
     number: int
@@ -153,7 +153,7 @@ class LoggedPrint(Result):
 
 
 class TuningLog(Result):
-    """Prints of one design on one printer, with the drawn heights and the position in the pixel."""
+    """Prints of one design on one printer, with the pixel pitch and the position of the vertex in its pixel."""
 
     design: str
     sha256: str
@@ -162,11 +162,11 @@ class TuningLog(Result):
     prints: tuple[LoggedPrint, ...] = ()
 
     def drawing(self, number: int, points: int) -> Drawing:
-        """Return the drawing of a correction by its number, with a number of points along the lens."""
+        """Return the drawing with a number; for the design itself, with ``points`` along the lens."""
         return Drawing(np.zeros(points)) if number == 0 else self.prints[number - 1].correction.drawing
 
     def name(self, number: int) -> str:
-        """Describe a drawing in words."""
+        """Return the name of the drawing with a number, for messages."""
         file = AS_DESIGNED if number == 0 else self.prints[number - 1].correction.file
         return f"correction {number} ({file})"
 
@@ -176,34 +176,36 @@ class TuningLog(Result):
         return self.prints[-1].correction.number if self.prints else 0
 
     def predicted_of(self, number: int) -> Residual | None:
-        """Return the latest prediction of a print by its number: made after an earlier print, for its drawing."""
-        drawing, before = self.prints[number - 1].drawing, self.prints[: number - 1]
-        return next((one.predicted for one in reversed(before) if one.correction.number == drawing), None)
+        """Return the latest prediction for the print with a number, which was made before it; None if there is none."""
+        drawing, earlier = self.prints[number - 1].drawing, self.prints[: number - 1]
+        return next((logged.predicted for logged in reversed(earlier) if logged.correction.number == drawing), None)
 
     def correction(self, number: int) -> Correction | None:
         """Return the correction with a number; None for the design itself."""
         return self.prints[number - 1].correction if number else None
 
-    def with_print(self, one: LoggedPrint) -> "TuningLog":
+    def with_print(self, logged: LoggedPrint) -> "TuningLog":
         """Return the log with one more print."""
-        return replace(self, prints=(*self.prints, one))
+        return replace(self, prints=(*self.prints, logged))
 
 
 def read_log(path: Path) -> TuningLog:
     """Read the log from a file; raise `DataError` if it is not a log or is damaged."""
-    where = str(path)
-    data = parse_json(read_text(path, DataError), where)
+    name = str(path)
+    data = parse_json(read_text(path, DataError), name)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        remedy = "name another --log, or remove the file"
-        raise DataError(where, limit=f'not a log of solen print tune: it has no "solen": "{KIND}"', remedy=remedy)
+        limit = f'is not a log of solen print tune: it does not contain "solen": "{KIND}"'
+        raise DataError(name, limit=limit, remedy="specify another --log, or remove the file")
     if (schema := data.pop("schema", None)) != SCHEMA:
-        raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
-    log = build(TuningLog, data, where)
-    for number, one in enumerate(log.prints, start=1):
-        columns = {len(column) for column in (one.image.arc_mm, one.image.deviation_um, one.image.u_um)}
-        if one.number != number or not 0 <= one.drawing < number or len(columns) != 1:
-            limit = "prints must be in order, with as many deviations as points, and drawn before they are measured"
-            raise DataError(f"{where}: prints[{number - 1}]", limit=limit, remedy="restore the file")
+        limit = f"this version of solen reads schema {SCHEMA}"
+        raise DataError(f"{name}: schema", value=schema, limit=limit, remedy="install a newer version of solen")
+    log = build(TuningLog, data, name)
+    for number, logged in enumerate(log.prints, start=1):
+        image = logged.image
+        lengths = {len(column) for column in (image.arc_mm, image.deviation_um, image.u_um)}
+        if logged.number != number or not 0 <= logged.drawing < number or len(lengths) != 1:
+            limit = "prints must be in order, with as many deviations as points and the drawing of an earlier print"
+            raise DataError(f"{name}: prints[{number - 1}]", limit=limit, remedy="restore the file from a backup")
     return log
 
 

@@ -11,17 +11,15 @@ import numpy as np
 from solen.explore.axes import Axis
 from solen.explore.store import Point
 
-TRIED = 3
-"""Number of samples in which each number is varied alone."""
+TRIAL_SAMPLES = 3
+"""Number of samples in which each key is varied alone."""
 
 
 def unused_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
     """Return the keys along whose axes all points are equal; the last axis varies fastest."""
-    same = {point.content: place for place, point in enumerate(points)}
-    kinds = np.array([same[point.content] for point in points]).reshape([len(axis.values) for axis in axes])
-    return [
-        axis.key for place, axis in enumerate(axes) if len(axis.values) > 1 and not np.diff(kinds, axis=place).any()
-    ]
+    index = {point.content: k for k, point in enumerate(points)}
+    contents = np.array([index[point.content] for point in points]).reshape([len(axis.values) for axis in axes])
+    return [axis.key for k, axis in enumerate(axes) if len(axis.values) > 1 and not np.diff(contents, axis=k).any()]
 
 
 def unused_in_samples(
@@ -30,10 +28,10 @@ def unused_in_samples(
     points: Sequence[Point],
     traced: Callable[[Sequence[Mapping[str, Any]]], Sequence[Point]],
 ) -> Iterator[str]:
-    """Return the keys that change none of a few samples when varied alone over a list, or to both ends of a range."""
-    finished = [place for place, point in enumerate(points) if point.is_traced][:TRIED]
+    """Yield the keys that change none of a few samples when varied alone over a list, or to both ends of a range."""
+    trials = [sample for sample, point in enumerate(points) if point.is_traced][:TRIAL_SAMPLES]
     for axis in axes:
-        moved = [{**values[place], axis.key: value} for place in finished for value in axis.values]
-        own = [points[place].content for place in finished for _ in axis.values]
-        if len(axis.values) > 1 and own == [point.content for point in traced(moved)]:
+        varied = [{**values[sample], axis.key: value} for sample in trials for value in axis.values]
+        unchanged = [points[sample].content for sample in trials for _ in axis.values]
+        if len(axis.values) > 1 and unchanged == [point.content for point in traced(varied)]:
             yield axis.key

@@ -122,7 +122,7 @@ class Deformed:
         Largest principal strain, ln λ, in magnitude.
     bulge_mm
         Largest bulge or hollow of the walls at mid-height, relative to top and bottom, if the body is free along y; the
-        tenth of the body with the largest bulge is excluded. Rays are traced with upright walls.
+        tenth of the body with the largest bulge is excluded. Rays are traced with vertical walls.
     warnings
         Warnings, one sentence each.
     """

@@ -79,7 +79,7 @@ class Deformation(Result):
     off_mm
         Largest distance between an optical wall and the finite elements, between their nodes.
     bulge_mm
-        Largest bulge of the walls at mid-height, if the body is free along y; rays are traced with upright walls.
+        Largest bulge of the walls at mid-height, if the body is free along y; rays are traced with vertical walls.
     warnings
         Reasons for uncertainty.
     simulated

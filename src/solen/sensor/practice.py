@@ -133,10 +133,10 @@ class Practice(Result):
         largest = max(holds, key=lambda effect: effect.largest, default=None)
         if largest is None or largest.largest < MIN_CONTRAST_CHANGE:
             return ()
-        place = int(np.nanargmax(np.abs(largest.contrast)))
+        index = int(np.nanargmax(np.abs(largest.contrast)))
         return (
-            f"the body is treated as rigid: for a soft body held by {HOLDS[str(largest.value)]}, the contrast "
-            f"differs by {largest.contrast[place]:+.2g} at {largest.angle_deg[place]:+.3g}°; "
+            f"the body is treated as rigid: for a soft body supported at {HOLDS[str(largest.value)]}, the contrast "
+            f"differs by {largest.contrast[index]:+.2g} at {largest.angle_deg[index]:+.3g}°; "
             'set motion.kind = "loaded" and specify its supports',
         )
 

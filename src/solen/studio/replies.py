@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from solen.errors import SolenError
-from solen.explore.live import Curve, coarse, misleading, refined
+from solen.explore.live import Curve, coarse, planar_model_error, refined
 from solen.explore.optimise import straightness_options
 from solen.explore.tolerance_effects import ToleranceEffect, combined_change, tolerance_effects
 from solen.results import plain
@@ -255,7 +255,7 @@ def _comparison_frames(
         yield _frame(name, comparison)
         if name in ("plane", "space"):
             plane, space = (curve, comparison) if flat else (comparison, curve)
-            yield encoded({"kind": "words", "misleading": misleading(plane.response, space.response)})
+            yield encoded({"kind": "words", "misleading": planar_model_error(plane.response, space.response)})
 
 
 def _frame(name: str, curve: Curve) -> bytes:

@@ -1,4 +1,4 @@
-"""The commands for sensitivities and for convergence of a design."""
+"""The commands for the sensitivities and the convergence of a design."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,9 +15,9 @@ from solen.sensor.traced import DesignConvergence, Sensitivities, value_text
 @lines.register
 def _(result: DesignConvergence) -> Iterator[str]:
     reference = result.reference
-    by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
-    lit = f" with {result.emitter} lit" if result.emitter else f" at {value_text(result)}"
-    yield f"{result.name}{lit}, mode {result.mode}: error against {by}"
+    exact = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
+    position = f" with {result.emitter} lit" if result.emitter else f" at {value_text(result)}"
+    yield f"{result.name}{position}, mode {result.mode}: error relative to {exact}"
     for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
             yield f"  {series.method:8} {rays:8} rays  error {short(error)}  u {short(u)}"
@@ -26,9 +26,9 @@ def _(result: DesignConvergence) -> Iterator[str]:
 @lines.register
 def _(sensitivities: Sensitivities) -> Iterator[str]:
     width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
-    at = f"{sensitivities.name} at {value_text(sensitivities)}"
-    yield f"{at}: change per unit of each parameter, and for its tolerance"
-    heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
+    title = f"{sensitivities.name} at {value_text(sensitivities)}"
+    yield f"{title}: change per unit of each parameter, and of the contrast for its tolerance"
+    heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'its u':>9}  {'tolerance':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"
     for row in sensitivities.sensitivities:
         start = f"  {row.key:{width}}  {row.value:9.6g}"
@@ -47,7 +47,7 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
     yield f"{result.name}: change of each power per unit of each parameter, emitters in turn"
     width = max(len(name) for name in (*result.receivers, "receiver"))
     for number, key in enumerate(result.keys):
-        yield f"  {key} = {result.value[number]:.6g}, by differences of ±{result.step[number]:.3g}"
+        yield f"  {key} = {result.value[number]:.6g}, from differences over ±{result.step[number]:.3g}"
         yield f"    {'':12}" + "".join(f"{name:>{width + 3}}" for name in result.receivers)
         for emitter, slopes in zip(result.emitters, result.slope[number], strict=True):
             yield f"    {emitter:12}" + "".join(f"{slope:+{width + 3}.2g}" for slope in slopes)
@@ -58,42 +58,42 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
         yield f"omitted: {key}: {why}"
     if result.by_voltages is not None:
         yield "  one reading of every receiver, emitters in turn, with the noise of the readout, determines"
-        yield from _determines(result.by_voltages)
+        yield from _determination(result.by_voltages)
     if result.by_readings is not None:
-        yield f"  and from {', '.join(result.readings)} alone"
-        yield from _determines(result.by_readings)
+        yield f"  {', '.join(result.readings)} alone determine"
+        yield from _determination(result.by_readings)
     if result.suggestions is not None:
-        yield from _suggested(result.suggestions, result.by_voltages)
+        yield from _suggestions(result.suggestions, result.by_voltages)
 
 
-def _determines(found: Determination) -> Iterator[str]:
-    for name, sd, u in zip(found.motions, found.sd_deg.tolist(), found.u_sd_deg.tolist(), strict=True):
-        yield f"    {name}: " + (f"to ± {short(sd)} deg, itself ± {short(u)}" if math.isfinite(sd) else "not at all")
-    for combination in found.combinations:
-        unit = "times their noise per degree"
-        by = f"{short(combination.singular_per_deg)} ± {short(combination.u_singular_per_deg)} {unit}"
-        yield f"    readings change by {by} for {combination_text(combination)}"
+def _determination(motions: Determination) -> Iterator[str]:
+    for name, sd, u in zip(motions.motions, motions.sd_deg.tolist(), motions.u_sd_deg.tolist(), strict=True):
+        accuracy = f"to {short(sd)} ± {short(u)} deg (standard deviation)" if math.isfinite(sd) else "not at all"
+        yield f"    {name}: {accuracy}"
+    for combination in motions.combinations:
+        change = f"{short(combination.singular_per_deg)} ± {short(combination.u_singular_per_deg)}"
+        yield f"    readings change by {change} times their noise per degree for {combination_text(combination)}"
 
 
-def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> Iterator[str]:
+def _suggestions(suggestions: Sequence[Suggestion], present: Determination | None) -> Iterator[str]:
     if not suggestions:
         yield "  no position was found for a receiver or emitter that would determine the motions better"
         return
     yield "  with another part, the least certain motion is determined"
-    if now is not None:
-        yield f"    {_worst(now)}: as it is"
+    if present is not None:
+        yield f"    {_worst(present)}: as it is"
     yield from (
         f"    {_worst(suggestion.by_voltages)}: {suggestion.part} at {suggestion.place}" for suggestion in suggestions
     )
-    yield "  add the first of these to the design file:"
+    yield "  to use the first of these, add to the design file:"
     yield from suggestions[0].tables.splitlines()
 
 
-def _worst(found: Determination) -> str:
-    if math.isfinite(found.worst_sd_deg):
-        return f"to ± {short(found.worst_sd_deg)} deg"
-    return f"not at all ({found.rank} of {len(found.motions)} combinations)"
+def _worst(motions: Determination) -> str:
+    if math.isfinite(motions.worst_sd_deg):
+        return f"to {short(motions.worst_sd_deg)} deg"
+    return f"not at all ({motions.rank} of {len(motions.motions)} combinations are determined)"
 
 
 def _slope(value: float) -> str:
-    return f"{'none' if value != value else f'{value:+.6g}':>12}"
+    return f"{'none' if math.isnan(value) else f'{value:+.6g}':>12}"

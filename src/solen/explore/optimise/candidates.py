@@ -1,9 +1,9 @@
-"""Candidates of a search, each with its goals and its violation of the limits.
+"""Candidates of a search, each with its goals and its violation of the conditions.
 
 Goals are divided by their values for the initial design and minimised.
 
-`Candidates` is called with points; `Candidates.feasible` contains the candidates that meet every limit,
-`Candidates.nondominated` the best of them; `least` selects the best for given weights.
+`Candidates` is called with points. `Candidates.feasible` contains the candidates that meet every condition, and
+`Candidates.nondominated` those that no other one dominates; `best_candidate` selects the best for given weights.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,43 +17,43 @@ from solen.explore.optimise.evaluation import Evaluator, GoalResult
 from solen.progress import Progress
 from solen.spec import Design
 
-UNMET = 1e3
+NO_RESPONSE = 1e3
 """Objective of a candidate without a response."""
 PENALTY = 30.0
-"""Penalty weight: the penalty for missing a limit by 100 %."""
-SECOND = 0.01
-"""Weight of the goals that are not the maximum; it decides between candidates with the same maximum."""
+"""Weight of the violation: the penalty if a limit is missed by 100 %."""
+SUM_WEIGHT = 0.01
+"""Weight of the sum of the goals; it decides between candidates with the same largest weighted goal."""
 
 
 class Candidate(NamedTuple):
-    """A point (N,), its goals (G,), NaN if one does not exist, and its violation, infinite without a response."""
+    """A point (N,), its goals (G,), NaN if undefined, and its violation, infinite without a response."""
 
     point: FloatArray
     goals: FloatArray
     violation: float
 
-    def total(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
-        """Return one objective for several goals: the largest weighted goal (Chebyshev), reaching concave fronts."""
+    def objective(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
+        """Return a single objective: the largest weighted goal (Chebyshev), which also reaches concave fronts."""
         goals = (self.goals - ideal) / size
         if np.isnan(goals).any() or not np.isfinite(self.violation):
-            return UNMET
+            return NO_RESPONSE
         if goals.size == 1:
             return float(goals[0]) + PENALTY * self.violation
         weighted = goals[weights > 0.0] * weights[weights > 0.0]
-        return float(weighted.max()) + SECOND * float(goals.sum()) + PENALTY * self.violation
+        return float(weighted.max()) + SUM_WEIGHT * float(goals.sum()) + PENALTY * self.violation
 
 
 class NondominatedDesign(NamedTuple):
-    """A design that meets every limit and is not dominated by any design tried so far.
+    """A design that meets every condition and is not dominated by any design tried so far.
 
     Parameters
     ----------
     number
-        Its number among all designs tried, from 1.
+        Number of the design in the order of evaluation, from 1.
     design
         The design.
     by_goal
-        Its results during the search, by goal.
+        Result of the search for each goal.
     """
 
     number: int
@@ -62,47 +62,46 @@ class NondominatedDesign(NamedTuple):
 
 
 Keep = Callable[[Sequence[NondominatedDesign]], object]
-"""Called with the best designs so far, sorted by the first goal, whenever a further one is added."""
+"""Function that is called with the nondominated designs so far, sorted by the first goal, when one is added."""
 
 
 class Candidates:
-    """Candidates in the order in which they were tried.
+    """Candidates in the order of evaluation.
 
     Parameters
     ----------
     evaluator
         Evaluator of the candidates.
-    begun
+    initial
         Goals of the initial design.
-    most, progress
+    max_count, progress
         Number of candidates, and a function called with the completed fraction, up to 1.
     keep
-        Function called with the best designs so far.
+        Function called with the nondominated designs so far.
     """
 
     def __init__(
         self,
         evaluator: Evaluator,
-        begun: FloatArray,
-        most: int,
+        initial: FloatArray,
+        max_count: int,
         progress: Progress | None = None,
         keep: Keep | None = None,
     ) -> None:
-        self.evaluator, self.most, self.progress, self.keep = evaluator, most, progress, keep
+        self.evaluator, self.max_count, self.progress, self.keep = evaluator, max_count, progress, keep
         self.nondominated: list[tuple[Candidate, NondominatedDesign]] = []
         self.tried: list[Candidate] = []
-        self.scale = np.array(evaluator.task.signs) * np.where(begun == 0.0, 1.0, np.abs(begun))
+        self.scale = np.array(evaluator.task.signs) * np.where(initial == 0.0, 1.0, np.abs(initial))
 
     def __call__(self, point: FloatArray) -> Candidate:
         """Evaluate the candidate at a point and store it."""
-        nothing = np.full(self.scale.size, np.nan)
         try:
-            design = self.evaluator.task.at(point)
+            design = self.evaluator.task.design_at(point)
             evaluation = self.evaluator.of(design)
         except SolenError:
             evaluation = None
         candidate = (
-            Candidate(point, nothing, np.inf)
+            Candidate(point, np.full(self.scale.size, np.nan), np.inf)
             if evaluation is None
             else Candidate(point, evaluation.goals / self.scale, evaluation.violation)
         )
@@ -110,44 +109,43 @@ class Candidates:
         if evaluation is not None and candidate.violation == 0.0:
             self._insert(candidate, NondominatedDesign(len(self.tried), design, evaluation.by_goal))
         if self.progress is not None:
-            self.progress(len(self.tried) / self.most)
+            self.progress(len(self.tried) / self.max_count)
         return candidate
 
     def _insert(self, candidate: Candidate, new: NondominatedDesign) -> None:
         """Add a candidate unless another is as good in every goal, and remove the candidates that it dominates."""
-        if any((one.goals <= candidate.goals).all() for one, _ in self.nondominated):
+        if any((other.goals <= candidate.goals).all() for other, _ in self.nondominated):
             return
-        left = [one for one in self.nondominated if not (candidate.goals <= one[0].goals).all()]
-        self.nondominated = sorted([*left, (candidate, new)], key=lambda one: float(one[0].goals[0]))
+        others = [pair for pair in self.nondominated if not (candidate.goals <= pair[0].goals).all()]
+        self.nondominated = sorted([*others, (candidate, new)], key=lambda pair: float(pair[0].goals[0]))
         if self.keep is not None:
-            self.keep([one for _, one in self.nondominated])
+            self.keep([design for _, design in self.nondominated])
 
     @property
     def feasible(self) -> list[Candidate]:
-        """Candidates that meet every limit."""
-        return [one for one in self.tried if one.violation == 0.0]
+        """Candidates that meet every condition."""
+        return [candidate for candidate in self.tried if candidate.violation == 0.0]
 
     def check_feasible(self) -> None:
-        """Raise `SpecError` if no candidate meets every limit; it names those that the nearest one misses."""
+        """Raise `SpecError` if no candidate meets every condition; it names those that the nearest candidate misses."""
         if self.feasible:
             return
-        nearest = self.tried[int(np.argmin([one.violation for one in self.tried]))]
-        design = self.evaluator.task.at(nearest.point)
+        nearest = self.tried[int(np.argmin([candidate.violation for candidate in self.tried]))]
+        design = self.evaluator.task.design_at(nearest.point)
         evaluation = self.evaluator.of(design)
         missed = [] if evaluation is None else [text for text, met in evaluation.meets.items() if not met]
-        limit = (
-            "none of the designs tried meets every condition; the closest design does not "
-            f"meet {', '.join(missed) or 'a response'}"
-        )
-        raise SpecError("--subject-to", limit=limit, remedy="relax the condition, or free more parameters")
+        closest = f"does not meet {', '.join(missed)}" if missed else "has no response"
+        limit = f"none of the designs tried meets every condition; the closest design {closest}"
+        remedy = "relax the condition, or free more parameters with --free"
+        raise SpecError("--subject-to", limit=limit, remedy=remedy)
 
 
-def least(
+def best_candidate(
     candidates: Sequence[Candidate],
     weights: FloatArray,
     ideal: FloatArray | float = 0.0,
     size: FloatArray | float = 1.0,
 ) -> Candidate:
-    """Return the best candidate for weights of the goals; of several equal ones, the first."""
-    totals = [candidate.total(weights, ideal, size) for candidate in candidates]
-    return candidates[int(np.argmin(totals))]
+    """Return the best candidate for weights of the goals; the first if several are equal."""
+    objectives = [candidate.objective(weights, ideal, size) for candidate in candidates]
+    return candidates[int(np.argmin(objectives))]

@@ -22,24 +22,25 @@ from solen.results import Result
 from solen.sensor import Sensor
 from solen.spec import Design
 
-NOTHING_OFF: Mapping[str, float] = {}
+NO_DEVIATIONS: Mapping[str, float] = {}
 
 
 class GoalResult(Result):
-    """One design evaluated by a goal, the limits and its merits.
+    """One design evaluated for one goal.
 
     Attributes
     ----------
     goal, u_goal
-        Worst value of the goal over the design and its deviations, and its uncertainty due to those of the merits.
+        Worst value of the goal over all cases (the design with and without deviations), and its uncertainty due to
+        those of the merits.
     meets
-        Whether all conditions hold, by condition.
+        Whether each condition is met in all cases, keyed by condition.
     merits
-        Merits of the design without deviations, with their uncertainties, by name.
+        Merits of the design without deviations and their uncertainties, keyed by name.
     worst_off
-        Deviations by key for which the goal is worst; empty for the design without deviations.
+        Deviations for which the goal is worst, keyed by parameter; empty for the design without deviations.
     worst
-        Each merit with these deviations.
+        Merits with these deviations, keyed by name.
     """
 
     goal: float
@@ -51,7 +52,7 @@ class GoalResult(Result):
 
 
 class Evaluation(NamedTuple):
-    """Result of evaluating a design: each goal, the violation of the limits, and the responses in all cases."""
+    """Result of evaluating a design: each goal, the violation of the conditions, and the responses in all cases."""
 
     by_goal: tuple[GoalResult, ...]
     violation: float
@@ -60,16 +61,22 @@ class Evaluation(NamedTuple):
     @property
     def goals(self) -> FloatArray:
         """Worst value of each goal."""
-        return np.array([one.goal for one in self.by_goal])
+        return np.array([result.goal for result in self.by_goal])
 
     @property
     def meets(self) -> dict[str, bool]:
-        """Whether all conditions hold, by condition."""
+        """Whether each condition is met in all cases, keyed by condition."""
         return self.by_goal[0].meets
 
 
 class Evaluator:
-    """Evaluates designs for a task, from responses traced to a tolerance; ``why`` is the reason for a missing one."""
+    """Evaluator of designs for a task; responses are traced to a tolerance.
+
+    Attributes
+    ----------
+    why
+        Reason why the last design has no response; otherwise empty.
+    """
 
     def __init__(
         self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0
@@ -80,19 +87,19 @@ class Evaluator:
         self.why = ""
 
     @classmethod
-    def begun(cls, task: Task, store: Store, tolerance: float) -> tuple["Evaluator", Evaluation]:
-        """Return an evaluator whose ``base`` is the initial design, and the evaluation of that design.
+    def of_task(cls, task: Task, store: Store, tolerance: float) -> tuple["Evaluator", Evaluation]:
+        """Return an evaluator with the merits of the initial design as ``base``, and the evaluation of that design.
 
         Raises
         ------
         SpecError
-            If the initial design has no response or lacks a goal.
+            If the initial design has no response, or a goal is undefined for it.
         """
         design = task.design
         evaluator = cls(task, store, tolerance)
-        first = evaluator.needed(design, "design")
+        first = evaluator.required(design, "design")
         evaluator = cls(task, store, tolerance, first.by_goal[0].merits)
-        evaluation = evaluator.needed(design, "design")
+        evaluation = evaluator.required(design, "design")
         for goal, value in zip(task.goals, evaluation.goals.tolist(), strict=True):
             if math.isnan(value):
                 limit = f"{goal.text} is undefined for the design or for some of its deviations"
@@ -100,7 +107,7 @@ class Evaluator:
                 raise SpecError(goal.option, limit=limit, remedy=remedy)
         return evaluator, evaluation
 
-    def needed(self, design: Design, what: str) -> Evaluation:
+    def required(self, design: Design, what: str) -> Evaluation:
         """Return the evaluation of a design; raise `SpecError` naming ``what`` if it has no response."""
         evaluation = self.of(design)
         if evaluation is None:
@@ -114,52 +121,55 @@ class Evaluator:
         self.why = next((point.why for point in points if not point.is_traced), "")
         return None if self.why else self._evaluation(design, points)
 
-    def variant(self, design: Design, case: Mapping[str, float] = NOTHING_OFF) -> Variant:
+    def variant(self, design: Design, case: Mapping[str, float] = NO_DEVIATIONS) -> Variant:
         """Return the variant of a design to be traced, with the deviations of a case."""
         process = self.task.process if self.task.as_printed else None
         return Variant(design, case, None if process is None else process.process)
 
     def _evaluation(self, design: Design, points: list[Point]) -> Evaluation:
         merits = merits_of_points(measure_of(design), points)
-        missed = {limit.text: float(limit.violation(merits, self.base).max()) for limit in self.task.limits}
-        missed |= self._too_fine(design)
-        meets = {text: not by for text, by in missed.items()}
+        violations = {limit.text: float(limit.violation(merits, self.base).max()) for limit in self.task.limits}
+        violations |= self._feature_violations(design)
+        meets = {text: not violation for text, violation in violations.items()}
         by_goal = tuple(
-            self._by(goal, sign, merits, meets) for goal, sign in zip(self.task.goals, self.task.signs, strict=True)
+            self._goal_result(goal, sign, merits, meets)
+            for goal, sign in zip(self.task.goals, self.task.signs, strict=True)
         )
-        nowhere = float(any(math.isnan(one.goal) for one in by_goal))
-        return Evaluation(by_goal, sum(missed.values()) + nowhere, points)
+        undefined = float(any(math.isnan(result.goal) for result in by_goal))
+        return Evaluation(by_goal, sum(violations.values()) + undefined, points)
 
-    def _too_fine(self, design: Design) -> dict[str, float]:
-        """Return the amount by which free-form lenses violate the smallest printable feature."""
-        found: dict[str, float] = {}
+    def _feature_violations(self, design: Design) -> dict[str, float]:
+        """Return the violation of the smallest printable feature by free-form lenses, keyed by condition."""
+        violations: dict[str, float] = {}
         for lens in Sensor.of(design).all_lenses:
             if isinstance(lens, SplineLens):
-                least_um = self.task.min_feature_um(lens)
-                text = f"lens without features below {least_um:.3g} µm"
-                found[text] = max(found.get(text, 0.0), lens.missed_share(least_um))
-        return found
+                min_um = self.task.min_feature_um(lens)
+                text = f"lens without features below {min_um:.3g} µm"
+                violations[text] = max(violations.get(text, 0.0), lens.missed_share(min_um))
+        return violations
 
-    def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> GoalResult:
-        """Evaluate a goal from the merits (C,) of all cases."""
+    def _goal_result(
+        self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]
+    ) -> GoalResult:
+        """Return the result for a goal from the merits (C,) of all cases."""
         values = self._values(goal, merits)
-        place = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
+        worst = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
         return GoalResult(
-            goal=float(values[place]),
-            u_goal=sum(abs(float(value)) for value in self._changes(goal, merits, place)),
+            goal=float(values[worst]),
+            u_goal=sum(abs(float(change)) for change in self._changes(goal, merits, worst)),
             meets=meets,
             merits={name: float(column[0]) for name, column in merits.items()},
-            worst_off=self.task.cases[place],
-            worst={name: float(column[place]) for name, column in merits.items()},
+            worst_off=self.task.cases[worst],
+            worst={name: float(column[worst]) for name, column in merits.items()},
         )
 
-    def _changes(self, goal: Goal, merits: Mapping[str, FloatArray], place: int) -> Iterator[float]:
-        """Return the change of a goal in one case due to the uncertainty of each merit."""
-        value = self._values(goal, merits)[place]
+    def _changes(self, goal: Goal, merits: Mapping[str, FloatArray], case: int) -> Iterator[float]:
+        """Yield the change of a goal in one case due to the uncertainty of each merit."""
+        value = self._values(goal, merits)[case]
         for name in goal.merits:
-            yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[place] - value
+            yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[case] - value
 
     def _values(self, goal: Goal, merits: Mapping[str, FloatArray]) -> FloatArray:
-        """Return a goal (C,) in all cases; NaN if it does not exist or is infinite, as for an undetectable motion."""
+        """Return a goal (C,) in all cases; NaN if it is undefined or infinite, as for an undetectable motion."""
         values = goal.value(merits, self.base)
         return np.broadcast_to(np.where(np.isfinite(values), values, np.nan), len(self.task.cases))

@@ -19,24 +19,22 @@ from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
 
-AT_END = 1e-3
-"""Distance from a limit of a free number, as a fraction of its range, within which it counts as having reached the
-limit.
-"""
-INTERRUPTED = "interrupted: this is the best result so far; the same command continues from here"
+LIMIT_FRACTION = 1e-3
+"""Largest distance from a limit, as a fraction of the range, at which a free parameter is considered to reach it."""
+INTERRUPTED = "interrupted: this is the best result so far; run the same command again to continue"
 
 
-class FreeNumber(Result, eq=True):
-    """A free number of a search.
+class FreeParameter(Result, eq=True):
+    """A free parameter of a search.
 
     Attributes
     ----------
     key
-        Key of the number.
+        Key of the parameter.
     low, high
-        Limits of the number.
+        Limits of the parameter.
     before, after
-        Its value in the initial design and in the result.
+        Value in the initial design and in the result.
     """
 
     key: str
@@ -56,37 +54,37 @@ class Optimum(Result):
     goal
         The goal of the search.
     free
-        The free numbers.
+        The free parameters.
     printed_by
-        Process whose printed lens was traced in place of the designed one, or None for the designed one.
+        Process whose printed lens was traced in place of the designed lens, or None for the designed lens.
     before, after
         The initial design and the result, both traced with a small tolerance.
     claimed
         Goal of the result during the search.
     sampled_difference, u_sampled_difference
-        Largest difference of the result's contrast between integration and samples over its angles, and the uncertainty
-        there; None for a network, which is traced again with other samples.
+        Largest difference between the integrated and the sampled contrast of the result over some angles, and its
+        uncertainty; None for a network, which is traced again with other samples instead.
     robust
-        Whether deviations were stated, in which case the goal is its worst value over them.
+        Whether deviations were specified, in which case the goal is its worst value over them.
     evaluations, max_evaluations, traced
         Number of designs tried, its limit, and the number of responses that were traced rather than read from the
         store.
     interrupted
         Whether the search was stopped before its end.
     prints_before, prints_after
-        Statistics of prints of the initial design and of the result with the same tolerances, or None if none were
+        Statistics of prints of the initial design and of the result with the same tolerances, or None if no prints were
         traced.
     design
         The resulting design.
     angle_deg, contrast_before, contrast_after
-        Responses without deviations and with those of the worst goal, (2, A); (2, 0) for a network.
+        Responses (2, A) without deviations and with those of the worst goal; (2, 0) for a network.
     history
-        Best value so far by evaluation (E,); NaN before a design met all conditions.
+        Best value of the goal up to each evaluation (E,); NaN until a design meets all conditions.
     """
 
     name: str
     goal: str
-    free: tuple[FreeNumber, ...]
+    free: tuple[FreeParameter, ...]
     printed_by: str | None
     before: GoalResult
     after: GoalResult
@@ -109,10 +107,10 @@ class Optimum(Result):
     simulated: bool = True
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Return the contrast by design, case and angle, and the best value by evaluation."""
+        """Return variables (contrast, best value), coordinates and attributes of a dataset."""
         coordinates = {
             "design": ["before", "after"],
-            "case": ["nothing off", "worst"],
+            "case": ["nominal", "worst"],
             "angle_deg": self.angle_deg,
             "evaluation": np.arange(1, self.history.size + 1),
         }
@@ -122,22 +120,22 @@ class Optimum(Result):
 
 
 def optimum_of(candidates: Candidates, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
-    """Return the best candidate, traced again; ``known`` is the number of responses in the store before."""
+    """Return the best candidate, traced again; ``known`` responses were in the store before the search."""
     evaluator, task = candidates.evaluator, candidates.evaluator.task
     traced = len(evaluator.store.points) - known
-    found = task.at(best.point)
-    before, after = Retraced.of(evaluator, task.design), Retraced.of(evaluator, found)
-    sampled = Sampled.of(evaluator.variant(found).sensor())
-    was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
-    totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in candidates.tried])
-    history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * candidates.scale[0]
+    design = task.design_at(best.point)
+    before, after = Retraced.of(evaluator, task.design), Retraced.of(evaluator, design)
+    sampled = Sampled.of(evaluator.variant(design).sensor())
+    old, new = task.free_values(task.sensor), task.free_values(Sensor.of(design))
+    goals = np.array([np.inf if candidate.violation else candidate.goals[0] for candidate in candidates.tried])
+    history = np.minimum.accumulate(np.where(np.isnan(goals), np.inf, goals)) * candidates.scale[0]
     return Optimum(
         name=task.design.name,
         goal=task.names[0],
         free=tuple(
-            FreeNumber(one.key, low, high, was[one.key], now[one.key])
-            for one in task.free
-            for low, high in [one.values]
+            FreeParameter(axis.key, low, high, old[axis.key], new[axis.key])
+            for axis in task.free
+            for low, high in [axis.values]
         ),
         printed_by=task.printed_by,
         before=before.evaluation.by_goal[0],
@@ -147,18 +145,18 @@ def optimum_of(candidates: Candidates, best: Candidate, known: int, *, interrupt
         u_sampled_difference=None if sampled is None else sampled.u_difference,
         robust=len(task.cases) > 1,
         evaluations=len(candidates.tried),
-        max_evaluations=candidates.most,
+        max_evaluations=candidates.max_count,
         traced=traced,
         interrupted=interrupted,
         warnings=(
             *task.warnings,
             *after.warnings(),
             *(() if sampled is None else sampled.warnings()),
-            *outside(task),
-            *at_ends(task, found),
+            *outside_warnings(task),
+            *limit_warnings(task, design),
             *_warnings(before, after, task, interrupted=interrupted),
         ),
-        design=found,
+        design=design,
         angle_deg=np.array([] if task.sensor.is_network else after.design.motion.angles_deg()),
         contrast_before=_curves(before.evaluation, task),
         contrast_after=_curves(after.evaluation, task),
@@ -166,24 +164,27 @@ def optimum_of(candidates: Candidates, best: Candidate, known: int, *, interrupt
     )
 
 
-def outside(task: Task) -> Iterator[str]:
-    """Return warnings about free numbers that are outside their limits in the initial design."""
-    was = task.stated(task.sensor)
-    for one in task.free:
-        low, high = one.values
-        if not low <= was[one.key] <= high:
-            ends = f"{low:g} to {high:g}"
-            yield f"{one.key} of the design is {was[one.key]:g}, outside {ends}: the search cannot retain this value"
+def outside_warnings(task: Task) -> Iterator[str]:
+    """Yield warnings about free parameters that are outside their limits in the initial design."""
+    for key, value, (low, high) in _free_parameters(task, task.sensor):
+        if not low <= value <= high:
+            yield f"{key} of the design is {value:g}, outside {low:g} to {high:g}: the search cannot retain this value"
 
 
-def at_ends(task: Task, found: Design) -> Iterator[str]:
-    """Return warnings about free numbers that reached their limits in the result."""
-    now = task.stated(Sensor.of(found))
-    for one in task.free:
-        low, high = one.values
-        end = next((end for end in one.values if abs(now[one.key] - end) <= AT_END * (high - low)), None)
-        if end is not None:
-            yield f"{one.key} reaches its limit, {end:g}; widen --free {one.key} if the part allows it"
+def limit_warnings(task: Task, design: Design) -> Iterator[str]:
+    """Yield warnings about free parameters that reach their limits in a design."""
+    for key, value, (low, high) in _free_parameters(task, Sensor.of(design)):
+        limit = next((limit for limit in (low, high) if abs(value - limit) <= LIMIT_FRACTION * (high - low)), None)
+        if limit is not None:
+            yield f"{key} reaches its limit, {limit:g}; widen --free {key} if the part allows it"
+
+
+def _free_parameters(task: Task, sensor: Sensor) -> Iterator[tuple[str, float, tuple[float, float]]]:
+    """Yield key, value and limits of each free parameter."""
+    values = task.free_values(sensor)
+    for axis in task.free:
+        low, high = axis.values
+        yield axis.key, values[axis.key], (low, high)
 
 
 def _warnings(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
@@ -199,5 +200,5 @@ def _curves(evaluation: Evaluation, task: Task) -> FloatArray:
     if task.sensor.is_network:
         return np.empty((2, 0))
     worst = task.cases.index(evaluation.by_goal[0].worst_off)
-    chosen = (evaluation.points[0], evaluation.points[worst])
-    return np.array([point.response(np.arange(float(len(point.power)))).contrast for point in chosen])
+    points = (evaluation.points[0], evaluation.points[worst])
+    return np.array([point.response(np.arange(float(len(point.power)))).contrast for point in points])

@@ -19,7 +19,7 @@ from solen.progress import Progress, part_of
 from solen.sensor import Sensor
 
 MIN_PRINTS = 32
-OF_PRINTS = ("prints", "vary", "require")
+PRINT_OPTIONS = ("prints", "vary", "require")
 
 
 def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
@@ -30,24 +30,29 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
     SpecError
         If a variation or a requirement is malformed, or would be ignored.
     """
-    stated = next((name for name in OF_PRINTS if name in options.model_fields_set), None)
+    specified = next((name for name in PRINT_OPTIONS if name in options.model_fields_set), None)
     if len(options.minimise) + len(options.maximise) > 1:
-        if stated is not None:
+        if specified is not None:
             limit = "applies to the prints of a single result, but a front has several results"
             remedy = "omit it, and run solen explore tolerance on a design of the front"
-            raise SpecError(f"--{stated}", limit=limit, remedy=remedy)
+            raise SpecError(f"--{specified}", limit=limit, remedy=remedy)
         return False
     if not options.prints and (options.vary or options.require):
-        raise SpecError(
-            "--prints", value=0, limit="contradicts --vary and --require, which describe prints", remedy="omit it"
-        )
+        limit = "contradicts --vary and --require, which apply to prints"
+        raise SpecError("--prints", value=0, limit=limit, remedy="omit it")
     if 0 < options.prints < MIN_PRINTS:
-        raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {MIN_PRINTS}")
+        limit, remedy = f"must be 0 or at least {MIN_PRINTS}", "increase it, or use 0"
+        raise SpecError("--prints", value=options.prints, limit=limit, remedy=remedy)
     if options.prints:
-        asked = _of_prints(options)
+        tolerance_options = _tolerance_options(options)
         design = design_of(subject)
-        variations_of(Sensor.of(design), asked.vary, asked.process, compensated=asked.compensated)
-        for text in asked.require:
+        variations_of(
+            Sensor.of(design),
+            tolerance_options.vary,
+            tolerance_options.process,
+            compensated=tolerance_options.compensated,
+        )
+        for text in tolerance_options.require:
             Requirement.parse(text, measure_of(design).names)
     return bool(options.prints)
 
@@ -61,23 +66,23 @@ def with_prints(
 ) -> Optimum:
     """Return the result of a search with prints of it and of the initial design, if they are requested.
 
-    Ctrl-C ends the tracing, and a warning states that prints are missing; another states why prints cannot be traced.
+    If the tracing is interrupted with Ctrl-C or fails, the result has no prints but a warning.
     """
     design = design_of(subject)
     if optimum.interrupted or not check_prints(design, options):
         return optimum
-    store, asked = Store() if store is None else store, _of_prints(options)
+    store, tolerance_options = Store() if store is None else store, _tolerance_options(options)
     process = Task.of(design, options).process if options.as_printed else None
     settings = None if process is None else process.process
     known, traced = len(store.points), []
     try:
-        for place, one in enumerate((design, optimum.design)):
-            part = part_of(progress, place, 2)
-            traced.append(tolerance(one, asked, store, part, printed_by=settings))
+        for number, printed in enumerate((design, optimum.design)):
+            part = part_of(progress, number, 2)
+            traced.append(tolerance(printed, tolerance_options, store, part, printed_by=settings))
     except KeyboardInterrupt:
         return replace(optimum, interrupted=True, warnings=(*optimum.warnings, INTERRUPTED))
-    except SolenError as bad:
-        return replace(optimum, warnings=(*optimum.warnings, f"prints are not compared: {bad}"))
+    except SolenError as error:
+        return replace(optimum, warnings=(*optimum.warnings, f"prints are not compared: {error}"))
     before, after = traced
     return replace(
         optimum,
@@ -88,8 +93,8 @@ def with_prints(
     )
 
 
-def _of_prints(options: OptimiseOptions) -> ToleranceOptions:
-    """Return the tolerance options for prints of a search; walls grow about the drawing, as in the search."""
+def _tolerance_options(options: OptimiseOptions) -> ToleranceOptions:
+    """Return the options for tracing the prints; mean growth and shrinkage are 0, as in the search."""
     return ToleranceOptions(
         vary=options.vary,
         require=options.require,

@@ -1,4 +1,4 @@
-"""A result of a search, traced again: with a smaller tolerance, and by sampling, independently of the integration.
+"""A result of a search, traced again with a smaller tolerance, and by sampling independently of the integration.
 
 Public names: `Retraced` and `Sampled`.
 """
@@ -14,9 +14,9 @@ from solen.explore.optimise.evaluation import Evaluation, Evaluator
 from solen.sensor import Sensor
 from solen.spec import Design
 
-FINER, FINER_OF_NETWORK = 10.0, 2.5
-"""Factor by which the tolerance is reduced, at twice as many angles; networks are sampled with another lattice."""
-SURE, SURE_OF_FIVE = 2.0, 3.0
+TOLERANCE_FACTOR, NETWORK_TOLERANCE_FACTOR = 10.0, 2.5
+"""Factor by which the tolerance is reduced, with half the step between angles; networks use another lattice."""
+SIGNIFICANCE, SAMPLED_SIGNIFICANCE = 2.0, 3.0
 """Significant difference, in units of its uncertainty: for one value, and for the largest of `SAMPLED_ANGLES`."""
 SAMPLED_ANGLES = 5
 
@@ -31,7 +31,7 @@ class Retraced(NamedTuple):
     measure
         Its merits.
     claimed, evaluation
-        The evaluation of the search, and that of finer tracing.
+        Evaluation during the search, and with finer tracing.
     """
 
     design: Design
@@ -43,21 +43,21 @@ class Retraced(NamedTuple):
     def of(cls, evaluator: Evaluator, design: Design) -> "Retraced":
         """Trace a design again; raise `SpecError` if it has no response with the smaller tolerance."""
         denser, is_network = evaluator.measure.denser(design), design.body.kind == "network"
-        tolerance = evaluator.tolerance / (FINER_OF_NETWORK if is_network else FINER)
+        tolerance = evaluator.tolerance / (NETWORK_TOLERANCE_FACTOR if is_network else TOLERANCE_FACTOR)
         fine = Evaluator(evaluator.task, evaluator.store, tolerance, evaluator.base, lattice=int(is_network))
-        evaluation = fine.needed(denser, "result, traced with a smaller tolerance")
-        return cls(denser, evaluator.measure, evaluator.needed(design, "result"), evaluation)
+        evaluation = fine.required(denser, "result, traced with a smaller tolerance")
+        return cls(denser, evaluator.measure, evaluator.required(design, "result"), evaluation)
 
     def warnings(self) -> Iterator[str]:
-        """Return warnings if the search exploited errors of its tracing, or a condition is missed."""
+        """Yield warnings if the search exploited tracing errors, or if the result does not meet a condition."""
         yield from self.measure.warnings(self.claimed.points)
-        step = "the steps of its motions" if self.design.body.kind == "network" else "motion.step_deg"
-        for now, was in zip(self.evaluation.by_goal, self.claimed.by_goal, strict=True):
-            if abs(now.goal - was.goal) > SURE * was.u_goal:  # regardless of the finer trace's uncertainty
+        remedy = "or use more steps in its motions" if self.design.body.kind == "network" else "or motion.step_deg"
+        for fine, claimed in zip(self.evaluation.by_goal, self.claimed.by_goal, strict=True):
+            # the uncertainty of the finer trace is neglected
+            if abs(fine.goal - claimed.goal) > SIGNIFICANCE * claimed.u_goal:
                 yield (
-                    f"the goal was {was.goal:.4g} during the search and is {now.goal:.4g} with "
-                    "finer tracing: the search exploited tracing errors; lower --tolerance or "
-                    f"{step}"
+                    f"the goal was {claimed.goal:.4g} during the search and is {fine.goal:.4g} with "
+                    f"finer tracing: the search exploited tracing errors; reduce --tolerance {remedy}"
                 )
         for text, met in self.evaluation.meets.items():
             if not met:
@@ -78,19 +78,20 @@ class Sampled(NamedTuple):
         motion = sensor.design.motion
         angles = np.linspace(motion.from_deg, motion.to_deg, SAMPLED_ANGLES)
         integrated = sensor.power(angles.tolist())
-        found = []
-        for place, angle in enumerate(angles.tolist()):
+        differences = []
+        for k, angle in enumerate(angles.tolist()):
             sampled, u_sampled = sensor.sampled(angle)
             right, left = (sampled.detectors[side].power for side in ("right", "left"))
-            difference = abs((right - left) / (right + left) - float(integrated.contrast[place]))
-            found.append(cls(difference, math.hypot(2.0 * u_sampled / (right + left), integrated.u_contrast[place])))
-        return max(found, key=lambda one: one.difference / one.u_difference)
+            difference = abs((right - left) / (right + left) - float(integrated.contrast[k]))
+            u_difference = math.hypot(2.0 * u_sampled / (right + left), integrated.u_contrast[k])
+            differences.append(cls(difference, u_difference))
+        return max(differences, key=lambda sampled: sampled.difference / sampled.u_difference)
 
     def warnings(self) -> Iterator[str]:
-        """Return a warning if the difference exceeds its uncertainty."""
-        if self.difference > SURE_OF_FIVE * self.u_difference:
-            times = self.difference / self.u_difference
+        """Yield a warning if the difference is significant."""
+        if self.difference > SAMPLED_SIGNIFICANCE * self.u_difference:
+            ratio = self.difference / self.u_difference
             yield (
                 f"the sampled contrast differs from the integrated contrast by {self.difference:.2g}, "
-                f"which is {times:.1f} times its uncertainty"
+                f"which is {ratio:.1f} times the uncertainty of the difference; reduce --tolerance"
             )

@@ -5,18 +5,18 @@ Public name: `optimise`.
 
 import numpy as np
 
-from solen.explore.optimise.candidates import Candidates, Keep, least
+from solen.explore.optimise.candidates import Candidates, Keep, best_candidate
 from solen.explore.optimise.evaluation import Evaluator
 from solen.explore.optimise.front import Front, front_of, search_front
 from solen.explore.optimise.optimum import Optimum, optimum_of
 from solen.explore.optimise.options import OptimiseOptions
-from solen.explore.optimise.search import Tried, search
+from solen.explore.optimise.search import Trials, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Store
 from solen.explore.subject import Subject, design_of
 from solen.progress import Progress
 
-ONE = np.ones(1)
+SINGLE_WEIGHT = np.ones(1)
 
 
 def optimise(
@@ -26,40 +26,42 @@ def optimise(
     progress: Progress | None = None,
     keep: Keep | None = None,
 ) -> Optimum | Front:
-    """Find the numbers of a design that optimise one merit or two.
+    """Find the parameters of a design that optimise one or two figures of merit.
 
     Parameters
     ----------
     subject
-        The initial design of the search: a sensor, a design, or the path of a design file. If a free number is outside
-        its limits, the search starts at the nearer one.
+        The initial design of the search: a sensor, a design, or the path of a design file. If a free parameter is
+        outside its limits, the search starts at the nearer limit.
     options
-        Goals, free numbers, conditions, deviations.
+        Goals, free parameters, conditions and deviations.
     store
         Known responses, to which new ones are added; the same search with the same store continues where it stopped.
         Default: a store in memory.
     progress
         Function called with the completed fraction, up to 1.
     keep
-        Function called with the best designs so far whenever a further one is added: for one goal, with the best alone,
-        the last of which is the result; for two goals, with the designs of which none is better in both.
+        Function called whenever a candidate improves on the previous ones: for one goal, with the best design so far,
+        for two goals, with all nondominated designs so far.
 
     Raises
     ------
     SpecError
-        If goals, conditions, free numbers or deviations are malformed, or the design has no response.
+        If goals, conditions, free parameters or deviations are malformed, the design has no response, or no design
+        meets every condition.
     """
     store = Store() if store is None else store
     task = Task.of(design_of(subject), options)
     known = len(store.points)
-    evaluator, begun = Evaluator.begun(task, store, options.tolerance)
-    candidates = Candidates(evaluator, begun.goals, options.evaluations, progress, keep)
+    evaluator, initial = Evaluator.of_task(task, store, options.tolerance)
+    candidates = Candidates(evaluator, initial.goals, options.evaluations, progress, keep)
     interrupted = False
     try:
         if len(task.goals) > 1:
             search_front(candidates, options.front, options.seed)
         else:
-            search(Tried(lambda point: candidates(point).total(ONE), options.evaluations), task.begin, options.seed)
+            trials = Trials(lambda point: candidates(point).objective(SINGLE_WEIGHT), options.evaluations)
+            search(trials, task.initial_point, options.seed)
     except KeyboardInterrupt:
         if not candidates.tried:
             raise
@@ -67,5 +69,5 @@ def optimise(
     candidates.check_feasible()
     if len(task.goals) > 1:
         return front_of(candidates, options.front, known, interrupted=interrupted)
-    best = least(candidates.feasible, ONE)
+    best = best_candidate(candidates.feasible, SINGLE_WEIGHT)
     return optimum_of(candidates, best, known, interrupted=interrupted)

@@ -1,7 +1,8 @@
-"""Search in a box of N numbers scaled to 0 to 1: samples first, then CMA-ES with restarts from the best.
+"""Search in a box of N parameters scaled to 0 to 1: samples first, then CMA-ES with restarts from the best point.
 
-CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), from the package ``cma``. Unlike gradients,
-it tolerates a minimax and noise. All random numbers are drawn with a seed, which makes a search repeatable.
+CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), from the package ``cma``. Unlike gradient
+methods, it tolerates noise and minimax objectives. All random numbers are drawn with a seed, which makes a search
+repeatable.
 
 Public name: `search`.
 """
@@ -15,35 +16,35 @@ from solen.arrays import FloatArray
 from solen.explore.sobol import sobol
 from solen.extras import need
 
-STARTS_A_NUMBER, STARTS_SHARE = 4, 0.25
-"""Number of samples per free number, and their largest fraction of all evaluations."""
+SAMPLES_PER_PARAMETER, SAMPLE_FRACTION = 4, 0.25
+"""Number of samples per free parameter, and their largest fraction of all evaluations."""
 FIRST_STEP = 0.2
 """Standard deviation of the first generation, as a fraction of the box."""
 
 
 @dataclass
-class Tried:
-    """Points tried so far with their values, which are to be minimised.
+class Trials:
+    """Points tried so far with their values.
 
     Attributes
     ----------
     value
-        Function of a point (N,).
-    most
+        Function of a point (N,) to be minimised.
+    max_count
         Largest number of evaluations.
     points, values
         Points and their values, in the order of evaluation.
     """
 
     value: Callable[[FloatArray], float]
-    most: int
+    max_count: int
     points: list[FloatArray] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     @property
     def left(self) -> int:
-        """Number of evaluations left."""
-        return self.most - len(self.values)
+        """Number of evaluations that are left."""
+        return self.max_count - len(self.values)
 
     @property
     def best(self) -> FloatArray:
@@ -57,7 +58,7 @@ class Tried:
         return self.values[-1]
 
 
-def search(tried: Tried, first: FloatArray, seed: int | Sequence[int], *, sampled: bool = True) -> None:
+def search(trials: Trials, first: FloatArray, seed: int | Sequence[int], *, sampled: bool = True) -> None:
     """Search from a first point and, if requested, from samples of the box, until no evaluation is left.
 
     Raises
@@ -69,24 +70,24 @@ def search(tried: Tried, first: FloatArray, seed: int | Sequence[int], *, sample
     import cma
 
     rng = np.random.default_rng(seed)
-    tried(first.tolist())
-    starts = min(STARTS_A_NUMBER * first.size, int(STARTS_SHARE * tried.most)) if sampled else 0
-    if starts > 0:
-        for point in sobol(first.size, starts, rng).tolist():
-            tried(point)
-    size = 4 + int(3 * np.log(first.size))
-    while tried.left >= size:
+    trials(first.tolist())
+    samples = min(SAMPLES_PER_PARAMETER * first.size, int(SAMPLE_FRACTION * trials.max_count)) if sampled else 0
+    if samples > 0:
+        for point in sobol(first.size, samples, rng).tolist():
+            trials(point)
+    population = 4 + int(3 * np.log(first.size))
+    while trials.left >= population:
         options = {
             "bounds": [0.0, 1.0],
-            "popsize": size,
+            "popsize": population,
             "seed": int(rng.integers(1, 2**31)),
             "verbose": -9,
-            "maxfevals": tried.left,
+            "maxfevals": trials.left,
             "tolfun": 1e-9,
         }
-        idle = [0.5] * (first.size == 1)  # the package needs two numbers: add one without effect
-        strategy = cma.CMAEvolutionStrategy([*tried.best.tolist(), *idle], FIRST_STEP, options)
-        while not strategy.stop() and tried.left >= size:
-            asked = strategy.ask()
-            strategy.tell(asked, [tried(point[: first.size]) for point in asked])
-        size *= 2
+        unused = [0.5] * (first.size == 1)  # CMA-ES requires two parameters: add one without effect
+        strategy = cma.CMAEvolutionStrategy([*trials.best.tolist(), *unused], FIRST_STEP, options)
+        while not strategy.stop() and trials.left >= population:
+            points = strategy.ask()
+            strategy.tell(points, [trials(point[: first.size]) for point in points])
+        population *= 2

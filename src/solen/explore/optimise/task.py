@@ -1,4 +1,4 @@
-"""The checked task of a search: goals, limits, free numbers, deviations, and the process that prints its designs.
+"""The task of a search: goals, conditions, free parameters, deviations, and the process that prints its designs.
 
 Public name: `Task`.
 """
@@ -24,7 +24,7 @@ from solen.sensor.numbers import number
 from solen.spec import Design, with_values
 
 MAX_GOALS = 2
-MIN_TRIED = 10
+TRIALS_PER_DESIGN = 10
 """Smallest number of designs tried for each design of a front."""
 FORMS = "write KEY=LOW:HIGH"
 
@@ -39,13 +39,13 @@ class Task(NamedTuple):
     goals, signs
         The goals, with sign 1 to minimise and −1 to maximise.
     limits
-        Conditions that must hold.
+        Conditions to be met.
     free
-        Numbers that may change.
+        Free parameters, each with its limits.
     cases
-        Deviations of the built part by key; the first case has none.
+        Deviations of the built part in each case, keyed by parameter; the first case has none.
     process
-        Process that prints the designs, if one was named.
+        Process that prints the designs, if one was specified.
     as_printed
         Whether designs are traced with the printed lens.
     """
@@ -67,7 +67,7 @@ class Task(NamedTuple):
         Raises
         ------
         SpecError
-            If goals, conditions, free numbers or deviations are malformed.
+            If goals, conditions, free parameters or deviations are malformed.
         DataError
             If the process cannot be read.
         """
@@ -78,10 +78,10 @@ class Task(NamedTuple):
         free = tuple(_free(sensor, options.free))
         limits = tuple(Limit.parse(text, known) for text in options.subject_to)
         _check_worst((*goals, *limits), options)
-        named = {name for one in (*goals, *limits) for name in one.merits}
+        merits = {name for expression in (*goals, *limits) for name in expression.merits}
         motion = design.motion
-        mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in named and not sensor.is_network
-        mirrors = mirrors and all(one.key != "emitter.offset_mm" for one in free)
+        mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in merits and not sensor.is_network
+        mirrors = mirrors and all(axis.key != "emitter.offset_mm" for axis in free)
         return cls(
             design=design,
             sensor=sensor,
@@ -96,7 +96,7 @@ class Task(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The goals in words."""
+        """Names of the goals, such as "minimise linearity_percent"."""
         words = ("maximise" if sign < 0.0 else "minimise" for sign in self.signs)
         return tuple(f"{word} {goal.text}" for word, goal in zip(words, self.goals, strict=True))
 
@@ -111,71 +111,72 @@ class Task(NamedTuple):
         return () if self.process is None else tuple(self.process.warnings())
 
     @property
-    def begin(self) -> FloatArray:
-        """Point of the initial design; a free number outside its limits is at the nearer limit."""
-        low, high = np.array([one.values for one in self.free]).T
-        values = np.array(list(self.stated(self.sensor).values()))
+    def initial_point(self) -> FloatArray:
+        """Point of the initial design; a free parameter outside its limits is set to the nearer limit."""
+        low, high = np.array([axis.values for axis in self.free]).T
+        values = np.array(list(self.free_values(self.sensor).values()))
         return np.asarray(np.clip((values - low) / (high - low), 0.0, 1.0))
 
-    def stated(self, sensor: Sensor) -> dict[str, float]:
-        """Return the free numbers of a sensor."""
-        return {one.key: number(sensor, one.key) for one in self.free}
+    def free_values(self, sensor: Sensor) -> dict[str, float]:
+        """Return the values of the free parameters of a sensor, keyed by parameter."""
+        return {axis.key: number(sensor, axis.key) for axis in self.free}
 
-    def at(self, point: FloatArray) -> Design:
+    def design_at(self, point: FloatArray) -> Design:
         """Return the design at a point of the box; raise `SpecError` if it is not valid."""
-        values = {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
+        values = {axis.key: axis.at(fraction) for axis, fraction in zip(self.free, point.tolist(), strict=True)}
         return with_values(self.design, values)
 
     def min_feature_um(self, lens: SplineLens) -> float:
-        """Return the smallest feature of a free form, from the process or else from the lens itself."""
+        """Return the smallest printable feature of a free form, from the process or else from the lens itself."""
         return lens.min_feature_um if self.process is None else self.process.process.min_feature_um
 
 
 def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     both = "--minimise, --maximise"
     if not 0 < len(goals) <= MAX_GOALS:
-        limit = "specify one goal, or two for a front"
-        raise SpecError(
-            both, value=f"{len(goals)} values", limit=limit, remedy="for example --minimise linearity_percent"
-        )
+        limit = "a search has one goal, or two for a front"
+        remedy = "specify one, for example --minimise linearity_percent"
+        raise SpecError(both, value=f"{len(goals)} goals", limit=limit, remedy=remedy)
     if len({goal.text for goal in goals}) < len(goals):
-        raise SpecError(both, value=goals[0].text, limit="is specified twice", remedy="omit one")
+        raise SpecError(both, value=goals[0].text, limit="is specified twice", remedy="omit one of them")
     if len(goals) == 1 and "front" in options.model_fields_set:
         limit = "a front requires two goals, but only one is specified"
         raise SpecError("--front", value=options.front, limit=limit, remedy="specify another goal, or omit --front")
-    least = MIN_TRIED * options.front
-    if len(goals) > 1 and options.evaluations < least:
-        limit = f"a front of {options.front} designs requires at least {least}"
+    min_evaluations = TRIALS_PER_DESIGN * options.front
+    if len(goals) > 1 and options.evaluations < min_evaluations:
+        limit = f"a front of {options.front} designs requires at least {min_evaluations}"
         raise SpecError(
-            "--evaluations", value=options.evaluations, limit=limit, remedy="increase it, or decrease --front"
+            "--evaluations", value=options.evaluations, limit=limit, remedy="increase it, or reduce --front"
         )
 
 
 def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:
-    one = next((expression for expression in expressions if expression.worst), None)
-    if one is not None and not options.robust:
-        raise one.refusal(
-            one.text, "worst(...) requires deviations specified with --robust, but there are none", "specify one"
-        )
+    if options.robust:
+        return
+    for expression in expressions:
+        if expression.worst:
+            limit = "worst(...) requires deviations specified with --robust, but there are none"
+            raise expression.malformed(expression.text, limit, "add --robust KEY=DEVIATION")
 
 
 def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
+    """Yield the free parameters with their limits."""
     if not texts:
-        raise SpecError("--free", limit="nothing may change", remedy=FORMS)
-    known: set[str] = set()
+        raise SpecError("--free", limit="no parameter is free to change", remedy=FORMS)
+    keys: set[str] = set()
     for text in texts:
-        one = axis(text, sensor.design, "--free", FORMS)
-        if one.kind != "range":
-            raise SpecError(f"--free {one.key}", limit="is not a range", remedy=FORMS)
-        low, high = one.values
+        free = axis(text, sensor.design, "--free", FORMS)
+        if free.kind != "range":
+            raise SpecError(f"--free {free.key}", limit="is not a range", remedy=FORMS)
+        low, high = free.values
         if low > high:
-            remedy = "write the lower end first"
-            raise SpecError(f"--free {one.key}", value=f"{low:g}:{high:g}", limit="descends", remedy=remedy)
-        check_key(sensor, one.key, "--free")
-        if one.key in known:
-            raise SpecError(f"--free {one.key}", limit="is specified twice", remedy="omit one")
-        known.add(one.key)
-        yield one
+            limit, remedy = "is in descending order", "write the lower limit first"
+            raise SpecError(f"--free {free.key}", value=f"{low:g}:{high:g}", limit=limit, remedy=remedy)
+        check_key(sensor, free.key, "--free")
+        if free.key in keys:
+            raise SpecError(f"--free {free.key}", limit="is specified twice", remedy="omit one of them")
+        keys.add(free.key)
+        yield free
 
 
 def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:

@@ -1,4 +1,4 @@
-"""Receiver voltages over a design's motion, with noise, resolution and a recommended load."""
+"""Receiver voltages over the motion of a design, with noise, resolution and a recommended load."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,9 +23,9 @@ def readout(
     out: Out = None,
     progress: ProgressBar = None,
 ) -> Outcome[DesignReadings | NetworkVolts]:
-    """Show receiver voltages of a design over its motion, with noise, and recommend a load.
+    """Show the receiver voltages of a design over its motion, with noise, and recommend a load.
 
-    For a network of guides, show them over each of its motions, with the emitters lit in turn.
+    For a network of guides, show the voltages over each motion, with the emitters lit in turn.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The entire chain for a design: response, figures, tables and report in a folder."""
+"""The simulation of a design: response, figures, tables and report in a folder."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ R = TypeVar("R", DesignStudy, LoadedStudy, NetworkStudy)
 def run(
     file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None
 ) -> Outcome[DesignStudy | LoadedStudy | NetworkStudy]:
-    """Simulate a design over its range of motion: lens, body, response with and without lens, figures, tables, report.
+    """Simulate a design over its range of motion: response with and without lens, figures, tables and report.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ def run(
             page = loaded_page.html(soft, drawn, solid)
             return _written(soft, out, drawn, page, loaded.csv_table(soft), solid)
         if design.body.kind == "network":
-            every = network_study(design, progress)
-            drawn = network.figures(every)
-            page = network_page.html(every, drawn, solid)
-            return _written(every, out, drawn, page, network.csv_table(every), solid)
+            networked = network_study(design, progress)
+            drawn = network.figures(networked)
+            page = network_page.html(networked, drawn, solid)
+            return _written(networked, out, drawn, page, network.csv_table(networked), solid)
         if design.trace.dimension == "extruded":
             precompile()
         result = study(design, progress, practical=True)
@@ -56,7 +56,7 @@ def run(
 
 
 def _written(result: R, out: Path, drawn: dict[str, str], report: str, csv: str, solid: "SolidFiles") -> Outcome[R]:
-    """Write all files of a run; figures of an earlier design are removed."""
+    """Write all files of a run, and remove figures of an earlier design."""
     from solen.report.design.html import FIGURES
 
     texts = {f"{name}.svg": text for name, text in drawn.items()}

@@ -1,4 +1,4 @@
-"""Traces of a design at an angle, or of a scene file; convergence and sensitivities of a design."""
+"""Trace of a design at an angle or of a scene file; convergence and sensitivities of a design."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,18 +45,18 @@ def trace(
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[DesignTrace | NetworkTrace]:
-    """Trace a design at one angle or under one load; in a network, all emitters in turn or only the named one."""
+    """Trace a design at one angle or under one load; for a network, all emitters in turn or only the specified one."""
     _check_outputs(figure, netcdf)
     mode = {} if options.mode is None else {"trace.mode": options.mode}
     lit = {} if emitter is None else {"network.lit": emitter}
     sensor = Sensor.of(with_values(open_design(path, assignments), mode | lit))
     if sensor.is_network and emitter is None:
-        of_one = {"--angle-deg": angle_deg, "--at": at, "--paths": paths or None, "--netcdf": netcdf}
-        check_single_emitter_options(of_one)
-        every = network_trace(sensor.design, options)
-        contents = drawn(every, figure, "rays")
-        files.write_all(contents)
-        return Outcome(every, named(figure=figure.figure))
+        check_single_emitter_options(
+            {"--angle-deg": angle_deg, "--at": at, "--paths": paths or None, "--netcdf": netcdf}
+        )
+        traced = network_trace(sensor.design, options)
+        files.write_all(drawn(traced, figure, "rays"))
+        return Outcome(traced, named(figure=figure.figure))
     value = requested_value(sensor, angle_deg, at)
     result = trace_design(sensor, value, options, paths=paths)
 
@@ -84,7 +84,8 @@ def trace_file(
     if paths:
         check_paths(file.scene)
     if figure.figure is not None and file.scene.extrusion is not None:
-        raise SpecError("--figure", limit="draws the plane, but these rays are in space", remedy="leave it out")
+        limit = "draws the plane, but the rays of this scene are in space"
+        raise SpecError("--figure", limit=limit, remedy="omit it")
     traced = trace_scene(file, options, paths=paths or figure.figure is not None)
     result = described(file, traced, paths=paths)
 
@@ -103,7 +104,7 @@ def convergence(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[DesignConvergence]:
-    """Show how the error falls with the number of rays, for a fan, Sobol' samples and adaptive integration.
+    """Show how the error decreases with the number of rays, for a fan, Sobol' samples and adaptive integration.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def convergence(
     emitter
         For a network: the emitter that is lit; default: network.lit, or the only one.
     mode
-        How rays meet faces.
+        Treatment of rays at faces: power splits each ray by the Fresnel equations, count refracts or totally reflects
+        it without splitting.
     """
     figure.check()
     design = with_lit_emitter(open_design(file, set_), emitter)
@@ -136,7 +138,7 @@ def sensitivity(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Sensitivities | NetworkSensitivities]:
-    """Show how the readings depend on the numbers of the design, ranked by the effect of each tolerance.
+    """Show how the readings depend on the parameters of a design, ranked by the effect of each tolerance.
 
     Parameters
     ----------
@@ -151,20 +153,19 @@ def sensitivity(
         For a soft body: value of the quantity that its motion drives, in its unit; default: the last value of the
         motion.
     suggest
-        For a network: positions at which another receiver or emitter would help most, ranked by what they determine.
+        For a network: suggest positions for another receiver or emitter, ranked by how well the motions are determined.
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))
     value = requested_value(sensor, angle_deg, at)
     if sensor.is_network:
-        found = network_sensitivities(sensor.design, keys, progress=None if suggest else progress)
+        network = network_sensitivities(sensor.design, keys, progress=None if suggest else progress)
         if suggest:
-            found = replace(found, suggestions=suggestions(sensor.design, progress=progress))
-        return write(found, "sensitivity", figure=figure)
+            network = replace(network, suggestions=suggestions(sensor.design, progress=progress))
+        return write(network, "sensitivity", figure=figure)
     if suggest:
-        raise SpecError(
-            "--suggest", limit="needs a network of guides, but this design is not one", remedy="leave it out"
-        )
+        limit = "requires a network of guides, which this design is not"
+        raise SpecError("--suggest", limit=limit, remedy="omit it")
     result = sensitivities(sensor, keys, value, progress)
     return write(result, "sensitivity", figure=figure)
 

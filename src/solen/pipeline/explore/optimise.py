@@ -1,4 +1,4 @@
-"""Inverse design: a design as input; a better design and the search record as output."""
+"""Inverse design: a design as input; a better design and the options of the search as output."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,11 +30,11 @@ def optimise(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Optimum | Front]:
-    """Search for the numbers of a design that optimise a merit, within limits and under deviations.
+    """Search for design parameters that optimise a figure of merit, within limits and under deviations.
 
-    The best design so far is written whenever a better one is found; Ctrl-C ends the search and keeps it. The same
-    command continues where it stopped. At the end, prints of the original design and of the result are compared; their
-    numbers vary as in solen explore tolerance. With two merits, the search finds a front of designs.
+    Whenever a better design is found, it is written to a file; Ctrl-C ends the search and keeps the best design so far.
+    The same command continues where it stopped. At the end, prints of the original design and of the result are
+    compared; their parameters vary as in solen explore tolerance. With two goals, the search gives a front of designs.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def optimise(
         The design file.
     out
         Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, the options
-        of the search, NAME-optimise.json, and the responses traced so far; created if missing. Designs of another
-        search are not overwritten.
+        of the search, NAME-optimise.json, and the traced responses; created if missing. Designs of another search are
+        not overwritten.
     """
     figure.check()
     check_not_set("--free", options.free, set_)
@@ -64,12 +64,12 @@ def optimise(
         if isinstance(result, Optimum):
             result = with_prints(result, design, options, store, part_of(progress, 1, parts))
         files.write_all(drawn(result, figure, "optimise") | request.content)
-        made = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
-    return Outcome(result, named(figure=figure.figure, **made))
+        designs = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
+    return Outcome(result, named(figure=figure.figure, **designs))
 
 
 def _front_files(front: Front, out: Path, stem: str) -> dict[str, Path]:
-    """Return the files of a front's designs, which replace those of an earlier front."""
+    """Write the designs of a front in place of those of an earlier front, and return their files."""
     for old in out.glob(f"{stem}-front-*.toml"):
         files.remove(old)
     paths = {design.number: out / f"{stem}-front-{design.number}.toml" for design in front.designs}

@@ -31,10 +31,10 @@ def sweep(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Sweep]:
-    """Trace a design over values of its numbers, and compute the merits of each response.
+    """Trace a design over values of its parameters, and compute the figures of merit of each response.
 
-    Points are saved as they are traced: after an interruption the same command continues where it stopped, and a point
-    that is in the folder is never traced again, even if another sweep requested it.
+    Points are saved as they are traced: after an interruption, the same command continues where it stopped, and a point
+    in the folder is not traced again, even if another sweep traced it.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def sweep(
         The design file.
     out
         Folder for the table, NAME-sweep.nc or, for a part of a sweep, NAME-sweep-3-of-10.nc, its options,
-        NAME-sweep.json, and the points traced so far; created if missing. A table of other options is not overwritten.
+        NAME-sweep.json, and the traced points; created if missing. A table of other options is not overwritten.
     cluster
-        Trace on the workers of a Dask cluster, given by the address of its scheduler, tcp://HOST:PORT, or by the file
-        of a SLURM cluster (.toml).
+        Trace on the workers of a Dask cluster, specified by the address of its scheduler, tcp://HOST:PORT, or by a file
+        that describes a SLURM cluster (.toml).
     """
     figure.check()
     check_installed()

@@ -1,4 +1,4 @@
-"""Tolerances: a design as input; yields, their causes and a table of prints as output."""
+"""Tolerance analysis: a design as input; yields, yield losses and a table of prints as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,20 +30,20 @@ def tolerance(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Tolerances]:
-    """Trace prints of a design whose numbers vary: yield, what lowers it most, and how large each tolerance may be.
+    """Trace prints of a design whose parameters vary: yield, largest yield losses, and acceptable tolerances.
 
-    Prints are saved as they are traced: after an interruption the same command continues where it stopped.
+    Prints are saved as they are traced: after an interruption, the same command continues where it stopped.
 
     Parameters
     ----------
     file
         The design file.
     out
-        Folder for the table of prints, NAME-prints.csv, its options, NAME-prints.json, and the responses traced so far;
+        Folder for the table of prints, NAME-prints.csv, its options, NAME-prints.json, and the traced responses;
         created if missing. A table of other options is not overwritten.
     cluster
-        Trace on the workers of a Dask cluster, given by the address of its scheduler, tcp://HOST:PORT, or by the file
-        of a SLURM cluster (.toml).
+        Trace on the workers of a Dask cluster, specified by the address of its scheduler, tcp://HOST:PORT, or by a file
+        that describes a SLURM cluster (.toml).
     """
     figure.check()
     check_not_set("--vary", options.vary, set_)
@@ -55,5 +55,5 @@ def tolerance(
         result = tolerance_of_design(design, options, Store(out), progress, machine_at(cluster))
         table = out / f"{stem_of(file)}-prints.csv"
         files.write_all(drawn(result, figure, "tolerance") | request.content | {table: result.table().encode()})
-        chosen = None if print_ is None else save(out / f"{stem_of(file)}-print-{options.print_number}.toml", print_)
-    return Outcome(result, named(figure=figure.figure, table=table, print=chosen))
+        printed = None if print_ is None else save(out / f"{stem_of(file)}-print-{options.print_number}.toml", print_)
+    return Outcome(result, named(figure=figure.figure, table=table, print=printed))

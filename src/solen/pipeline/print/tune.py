@@ -90,8 +90,8 @@ def _printed(
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
-    """Return the design file, the outline and the predicted profile of the drawing."""
-    return dict(compensation_files(path, sensor, tuned.made, tuned.profile, tuned.process))
+    """Return the design, outline and predicted profile for the drawing."""
+    return dict(compensation_files(path, sensor, tuned.compensation, tuned.profile, tuned.process))
 
 
 def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str) -> LayerFiles:

@@ -1,4 +1,4 @@
-"""Sentences that compare the printed lens with the designed one; every value is computed."""
+"""Sentences that compare the printed lens with the designed lens."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ RESOLVED = 2.0
 
 
 def printed_sentences(as_printed: AsPrinted) -> list[str]:
-    """Describe how printing changes the lens and the response, one sentence for each effect."""
+    """Return sentences on how printing changes the lens and the response."""
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [
-        f"The lens {as_printed.label} deviates by {deviation.rms_um:.3g} µm (root mean square) from the designed one, "
-        f"at most {abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are "
-        f"known to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
+        f"The lens {as_printed.label} deviates from the designed lens by {deviation.rms_um:.3g} µm RMS and by at most "
+        f"{abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points have an "
+        f"uncertainty of {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
     ]
     return lines + [
         _compared(comparison) for comparison in (as_printed.emitter, as_printed.chip) if comparison is not None
@@ -27,11 +27,11 @@ def _compared(comparison: Comparison) -> str:
     largest, width_mm = comparison.largest, comparison.width_mm
     emitter = f"With a chip {width_mm:g} mm wide" if width_mm > 0.0 else "With a point emitter"
     if largest is None:
-        return f"{emitter} no light reaches the receivers."
+        return f"{emitter}, no light reaches the receivers."
     resolved = np.any(np.abs(comparison.difference) > RESOLVED * comparison.u_difference)
     text = (
-        f"{emitter} the contrast differs by up to {measured(largest.contrast, largest.u_contrast)}, at "
-        f"{largest.angle_deg:+g}°{'' if resolved else ', which is not resolved'}."
+        f"{emitter}, the contrast differs by up to {measured(largest.contrast, largest.u_contrast)}, at "
+        f"{largest.angle_deg:+g}°{'' if resolved else '; this difference is not resolved'}."
     )
     if comparison.null_shift_deg is not None and comparison.u_null_shift_deg is not None:
         text += f" The null moves by {measured(comparison.null_shift_deg, comparison.u_null_shift_deg)}°."

@@ -1,6 +1,6 @@
-"""Background to the summary in plain words: the lens, the light budget, and the limits of the results.
+"""Background to the summary: the lens, the light budget, and the limits of the results.
 
-Every sentence is computed from the study and appears only if the study supports it.
+Every sentence is computed from the study and is omitted if the study does not support it.
 """
 
 from solen.lens import DesignedLens, OvalLens
@@ -14,7 +14,7 @@ from solen.sensor.network import NetworkStudy
 from solen.sensor.practice import CHIP_MM
 
 AnyStudy = DesignStudy | LoadedStudy | NetworkStudy
-SHOWN_SHARE = 5e-4
+MIN_FRACTION = 5e-4
 """Smallest fraction of the light that is mentioned."""
 PARTS = {
     "right": "right receiver",
@@ -27,28 +27,28 @@ PARTS = {
     "absorbed": "is absorbed",
     "truncated": "was not traced further",
 }
-"""Wording of the parts of the light budget."""
+"""Names of the parts of the light budget."""
 
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
-    """Return headings and sentences, the most important first."""
+    """Return headings and sentences, in order of importance."""
     rows = [
         ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
         ("Light", _light(study)),
         ("Alignment", _alignment(study)),
-        ("Focus", _focus_words(study)),
+        ("Focus", _focus_text(study)),
         ("Not included in these results", _limits(study)),
     ]
     return [(heading, text) for heading, text in rows if text]
 
 
 def warnings(study: AnyStudy) -> list[str]:
-    """Return the most important warnings, as sentences."""
+    """Return the warnings as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
 def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
-    """Return the fractions of the light at rest with their uncertainties; return nothing if they are unknown."""
+    """Return the fractions of the light at rest, and their uncertainty as the last row; empty if they are unknown."""
     budget = None if study.practice is None else study.practice.budget
     if budget is None:
         return []
@@ -61,74 +61,76 @@ def _light(study: DesignStudy) -> str:
     sensor = study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
-    text = _budget_words(study)
+    text = _budget_text(study)
     if lens is None or emitter.offset_mm != 0.0:
         return text
     if lens.acceptance_deg < half_cone_deg:
         text += (
-            f" In the plane the face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
+            f" In the plane, the lens accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
             "the remainder passes by it."
         )
     if isinstance(lens, DesignedLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
-            f" At the lens's edge light arrives at {lens.edge_incidence_deg:.1f}° to the normal: "
+            f" At the edge of the lens, the angle of incidence is {lens.edge_incidence_deg:.1f}°: "
             "a rounded or rough edge loses light there first."
         )
     return text.strip()
 
 
-def _budget_words(study: DesignStudy) -> str:
-    """Describe the light budget at rest; return an empty text if it is unknown."""
-    rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
+def _budget_text(study: DesignStudy) -> str:
+    """Return a sentence on the light budget at rest; empty if it is unknown."""
+    rows = [(text, fraction) for text, fraction in budget_rows(study)[:-1] if fraction >= MIN_FRACTION]
     if not rows:
         return ""
-    words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left receiver"}
-    parts = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
-    return f"Of the emitter's light, at rest, {_listed(parts)}."
+    verbs = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left receiver"}
+    parts = [f"{fraction:.1%} {verbs.get(text, text)}" for text, fraction in rows]
+    return f"Of the emitter's light at rest, {_listed(parts)}."
 
 
 def _alignment(study: DesignStudy) -> str:
-    """Describe how an emitter decentre and an extended chip affect the focus."""
+    """Return sentences on the effects of a decentred emitter and of an extended chip on the focus."""
     lens, sentences = study.case.sensor.cut, []
     if isinstance(lens, OvalLens):
-        own_mm = study.case.sensor.light.width_mm
-        width_mm = own_mm or CHIP_MM
+        chip_mm = study.case.sensor.light.width_mm
+        width_mm = chip_mm or CHIP_MM
         sentences.append(
-            f"The lens magnifies {lens.magnification:.1f} times: moving the emitter by 0.01 mm across the axis moves "
-            f"the focal spot by {0.01 * lens.magnification:.2f} mm, and {'the' if own_mm else 'a'} chip "
-            f"{width_mm:g} mm wide makes a spot about {width_mm * lens.magnification:.1f} mm wide."
+            f"The magnification of the lens is {lens.magnification:.1f}: if the emitter is shifted by 0.01 mm across "
+            f"the axis, the focal spot moves by {0.01 * lens.magnification:.2f} mm, and {'the' if chip_mm else 'a'} "
+            f"chip {width_mm:g} mm wide gives a spot about {width_mm * lens.magnification:.1f} mm wide."
         )
     if offset_mm := study.design.emitter.offset_mm:
         sentences.append(f"The design's emitter is decentred by {offset_mm:g} mm.")
     return " ".join(sentences)
 
 
-def _focus_words(study: DesignStudy) -> str:
-    """Describe the focus in the lens material and in a material with another index."""
+def _focus_text(study: DesignStudy) -> str:
+    """Return sentences on the focus in the lens material and in a material with another index."""
     sensor = study.case.sensor
     lens, material = sensor.cut, sensor.material
-    known = (
-        f"The index is {measured(material.index, material.u_index, sign=False)} (standard)." if material.u_index else ""
-    )
+    uncertainty = ""
+    if material.u_index:
+        uncertainty = f"The index is {measured(material.index, material.u_index, sign=False)} (standard uncertainty)."
     if not isinstance(lens, OvalLens):
-        return known
-    return f"{known} {_focuses(lens, material, tolerance_of(sensor, 'material.index')[0])}".strip()
+        return uncertainty
+    return f"{uncertainty} {_index_text(lens, material, tolerance_of(sensor, 'material.index')[0])}".strip()
 
 
-def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
+def _index_text(lens: OvalLens, material: Optical, tolerance: float) -> str:
     index = material.index
     if abs(index - lens.design_index) > 1e-9:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return (
-            f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
-            f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, while the design states {lens.focus_mm:g} mm."
+            f"The lens is designed for an index of {lens.design_index:.6g}, but the material has {index:.6g}: rays "
+            f"near the axis cross it {_focus(paraxial)}, edge rays {_focus(marginal)}, and the specified focus is "
+            f"{lens.focus_mm:g} mm."
         )
     parts = []
-    for step, _ in index_offsets(material, off):
+    for step, _ in index_offsets(material, tolerance):
         if step != 0.0:
-            near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
-            which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            parts.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would be {best}")
+            paraxial, best = lens.paraxial_focus_mm(index + step), lens.best_focus_mm(index + step)
+            change = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
+            crossing = f"rays near the axis would cross it {_focus(paraxial)}"
+            parts.append(f"{change}, {crossing}, and the smallest spot would be {_focus(best)}")
     return f"If the print's index were {'; '.join(parts)}. The focus shifts strongly, the response only slightly."
 
 
@@ -138,23 +140,23 @@ def _limits(study: DesignStudy) -> str:
     loss = (
         f"the material absorbs {absorption:g}{f' ± {u:.1g}' if u else ''} per mm"
         if absorption > 0
-        else "no absorption is stated, so none is included"
+        else "no absorption is specified, so none is included"
     )
     rough = study.case.sensor.scene().is_random
-    faces = "faces scatter only where the design states it" if rough else "perfectly smooth faces, no scatter"
+    faces = "only the faces specified in the design scatter" if rough else "perfectly smooth faces, no scatter"
     rays = "Rays in space, in a body with the same outline at every height"
     if study.design.lens.in_space:
         rays = "Rays in space, sampled, through a lens that is not a cylinder, as designed (none has been printed yet)"
     if study.design.trace.dimension == "2d":
-        rays = "Rays in the plane only, except where space is stated"
+        rays = "Rays in the plane only, unless marked otherwise"
     return f"{rays}; {faces}, no diffraction; {loss}. {_arms(study)}"
 
 
 def _arms(study: DesignStudy) -> str:
     if study.case.sensor.is_drawn:
         return "The outline is as drawn."
-    angle = "assumed to continue the stem's edge" if study.design.body.arm_angle_deg is None else "as given"
-    return f"The arms' angle is {angle}."
+    is_default = study.design.body.arm_angle_deg is None
+    return f"The arms {'are assumed to continue the edge of the stem' if is_default else 'have the specified angle'}."
 
 
 def _focus(focus_mm: float | None) -> str:

@@ -18,21 +18,21 @@ from solen.report import canvas
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.background import AnyStudy, budget_rows, findings, warnings
 from solen.report.design.figures import (
-    SHOWN_RAYS,
-    matters_figure,
+    MAX_RAYS,
+    effects_figure,
     rays_figure,
     sensor_view,
     study_figure,
 )
 from solen.report.design.lens import focus_figure, profile_figure
-from solen.report.design.summary import advice, emitter_words, expected, lens_table, lens_words, matters
+from solen.report.design.summary import advice, effect_rows, emitter_text, expected, lens_sentences, lens_table
 from solen.report.print.as_printed import as_printed_figure
 from solen.results import scalars
 from solen.sensor import Case, DesignStudy
 from solen.spec import dumps
 
 FIGURES = {
-    "lens-profile": "profile of the lens, x against z in mm",
+    "lens-profile": "profile of the lens, z against x in mm",
     "response": "power at each receiver, and the contrast, against the driven quantity",
     "readings": "readings over each motion",
     "shape": "the body at rest and deformed, with its strain",
@@ -49,18 +49,18 @@ NO_SOLID = SolidFiles({})
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
-    """Return a study's figures as SVG text by name; the design determines which of `FIGURES` exist."""
-    rays = min(study.design.emitter.rays, SHOWN_RAYS)
+    """Return the figures of a study as SVG text, keyed by name; the design determines which of `FIGURES` exist."""
+    rays = min(study.design.emitter.rays, MAX_RAYS)
     case = study.case
-    swept = case.power.angle_deg
-    angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
+    angle_deg = case.power.angle_deg
+    angles = sorted({float(angle_deg[0]), 0.0, float(angle_deg[-1])})
     draws: dict[str, Callable[[], Figure]] = {"response": lambda: study_figure(study)}
     if study.as_printed is not None:
         as_printed = study.as_printed
         draws["as-printed"] = lambda: as_printed_figure(as_printed)
     if study.practice is not None and study.practice.effects:
         practice = study.practice
-        draws["matters"] = lambda: matters_figure(practice)
+        draws["matters"] = lambda: effects_figure(practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
         draws["focus"] = lambda: focus_figure(case.sensor)
     if isinstance(case.sensor.cut, DesignedLens):
@@ -71,13 +71,13 @@ def figures(study: DesignStudy) -> dict[str, str]:
     if not case.sensor.is_drawn:
         draws["rays-at-the-lens"] = lambda: rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
     if study.with_lens is not None and study.no_lens is not None:
-        bare = study.no_lens.sensor
-        draws["rays-without-lens"] = lambda: rays_figure([sensor_view(bare, a, rays) for a in angles])
+        without_lens = study.no_lens.sensor
+        draws["rays-without-lens"] = lambda: rays_figure([sensor_view(without_lens, a, rays) for a in angles])
     return {name: canvas.svg(canvas.drawn(draws[name]), name) for name in FIGURES if name in draws}
 
 
 def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """Return the report as HTML text, from its figures (``drawn``) and the part to print (``solid``)."""
+    """Return the report as HTML text with its figures (``drawn``) and links to the part to print (``solid``)."""
     in_plane = study.design.trace.dimension == "2d"
     case = study.case
     return page(
@@ -85,11 +85,11 @@ def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
         study,
         drawn,
         solid,
-        lead="simulated with the emitter as stated" if in_plane else emitter_words(study),
+        lead="simulated with the specified emitter" if in_plane else emitter_text(study),
         expected=expected(study),
-        matters=matters(study.practice),
+        effect_rows=effect_rows(study.practice),
         lenses=lens_table(study.practice),
-        lens_words=lens_words(study.practice),
+        lens_sentences=lens_sentences(study.practice),
         advice=advice(study),
         findings=findings(study),
         parts=_parts(study),
@@ -112,7 +112,7 @@ def page(
     expected: list[tuple[str, str]],
     **content: Any,
 ) -> str:
-    """Return a report as HTML text: the common content of ``page.html`` and the content of its own template."""
+    """Return a report as HTML text: the content common to all reports, and that of a template."""
     return rendered(
         template,
         study=study,
@@ -127,36 +127,38 @@ def page(
 
 
 def rendered(template: str, **content: Any) -> str:
-    """Return the HTML text made from a `solen.report` template, in the common page style."""
+    """Return the HTML text of a template of `solen.report`, in the common page style."""
     loader = jinja2.FunctionLoader(lambda name: (files("solen.report") / name).read_text(encoding="utf-8"))
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
-    environment.filters["shown"] = shown
+    environment.filters["shown"] = number_text
     return environment.get_template(template).render(
         version=solen.__version__, python=platform.python_version(), **content
     )
 
 
 def _alt(name: str, expected: list[tuple[str, str]]) -> str:
-    """Return a figure's alternative text: its subject and, for the response, its key values."""
-    words = FIGURES.get(name, name)
-    return f"{words}; {expected[0][0]}: {expected[0][1]}" if name == "response" and expected else words
+    """Return the alternative text of a figure: its subject and, for the response, the first expected value."""
+    subject = FIGURES.get(name, name)
+    return f"{subject}; {expected[0][0]}: {expected[0][1]}" if name == "response" and expected else subject
 
 
 def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
-    """Return the rows of the value tables, by subject."""
+    """Return the rows of the value tables, keyed by subject."""
     focus = next((focus for focus in study.foci if focus.step == 0.0), None)
     parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
     hidden = ("step", "by_uncertainty")
-    rows = {
+    tables = {
         name: [(key, value) for key, value in scalars(part) if value is not None and key not in hidden]
         for name, part in parts.items()
         if part is not None
     }
-    return {name: [("wavelength_nm", study.wavelength_nm)] * (name == "material") + own for name, own in rows.items()}
+    if "material" in tables:
+        tables["material"].insert(0, ("wavelength_nm", study.wavelength_nm))
+    return tables
 
 
-def shown(value: Any) -> str:
-    """Format a number to four digits, or a missing one as a dash."""
+def number_text(value: Any) -> str:
+    """Format a number with up to four decimals; a missing number as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -177,7 +179,7 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
 
 
 def inline(text: str, name: str, alt: str = "") -> Markup:
-    """Return an SVG element without the file header, with an alternative text and ids that are unique on the page."""
+    """Return the SVG element of a file, with an alternative text and ids that are unique on the page."""
     element = text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(alt or name)}"', 1)
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
         element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\g<1>{name}-\g<2>", element)

@@ -13,7 +13,7 @@ from solen.arrays import FloatArray
 from solen.mechanics.design import LoadedState
 from solen.report import canvas
 from solen.report.canvas import INK, LOST, SPACE, receiver
-from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
+from solen.report.design.figures import MAX_RAYS, rays_figure, sensor_view
 from solen.report.design.table import csv_text
 from solen.sensor import SATURATION_CONTRAST, Sensor
 from solen.sensor.loaded import Deformation, LoadedStudy
@@ -29,12 +29,12 @@ FORCE_MM = 6.0
 
 
 def figures(study: LoadedStudy) -> dict[str, str]:
-    """Return a study's figures as SVG text, by name."""
+    """Return the figures of a study as SVG text, keyed by name."""
     ends = sorted({float(study.values[0]), float(study.values[-1])})
-    rays = min(study.design.emitter.rays, SHOWN_RAYS)
+    rays = min(study.design.emitter.rays, MAX_RAYS)
     draws: dict[str, Callable[[], Figure]] = {
         "response": partial(response_figure, study),
-        "shape": lambda: shape_figure(study.sensor, study.states[-1], f"{study.drives} at {ends_of(study)[-1]}"),
+        "shape": lambda: shape_figure(study.sensor, study.states[-1], f"{study.drives} at {end_values(study)[-1]}"),
         "rays": lambda: rays_figure([sensor_view(study.sensor, value, rays) for value in ends]),
     }
     return {name: canvas.svg(canvas.drawn(draw), name) for name, draw in draws.items()}
@@ -46,34 +46,33 @@ def deformation_figure(result: Deformation) -> Figure:
 
 
 def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
-    """Draw the strain and the reactions on the deformed body over its outline at rest; draw the light next to it."""
-    shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
-    figure = rays_figure([sensor_view(sensor, state.value, shown)] * 2)
+    """Draw the strain and the forces on the deformed body with its outline at rest, and the light in the body."""
+    rays = min(sensor.design.emitter.rays, MAX_RAYS)
+    figure = rays_figure([sensor_view(sensor, state.value, rays)] * 2)
     figure.set_size_inches(7.4, 6.8)
-    axes, light = figure.axes
-    wide = max(map(abs, light.get_xlim())) + 0.5 * FORCE_MM
+    body, light = figure.axes
+    half_width = max(map(abs, light.get_xlim())) + 0.5 * FORCE_MM
     low, high = light.get_ylim()
-    axes.clear()
-    drawn = _draw_strain(axes, state)
-    _draw_forces(axes, state)
-    axes.grid(visible=False)
-    for each, name in ((axes, title), (light, "light")):
-        each.set(
-            title=name, xlabel="x (mm)", ylabel="z (mm)", xlim=(-wide, wide), ylim=(low - 1.0, high + FORCE_MM / 2)
-        )
-        each.set_aspect("equal")
+    body.clear()
+    mesh = _draw_strain(body, state)
+    _draw_forces(body, state)
+    body.grid(visible=False)
+    for axes, name in ((body, title), (light, "light")):
+        axes.set(title=name, xlabel="x (mm)", ylabel="z (mm)")
+        axes.set(xlim=(-half_width, half_width), ylim=(low - 1.0, high + FORCE_MM / 2))
+        axes.set_aspect("equal")
     figure.colorbar(
-        drawn, ax=[axes, light], label="largest principal strain (%)", location="bottom", shrink=0.5, extend="max"
+        mesh, ax=[body, light], label="largest principal strain (%)", location="bottom", shrink=0.5, extend="max"
     )
     return figure
 
 
 def response_figure(study: LoadedStudy) -> Figure:
-    """Draw receiver powers and contrast against the driven quantity, with the rigid result and any force."""
+    """Draw powers and contrast against the driven quantity, with the contrast of the rigid sensor, and the load."""
     key = study.design.motion.key
-    driven = forces(study)
-    figure = Figure(figsize=(8.2 if driven is None else 10.8, 3.5))
-    axes = figure.subplots(1, 2 if driven is None else 3)
+    load = load_curve(study)
+    figure = Figure(figsize=(8.2 if load is None else 10.8, 3.5))
+    axes = figure.subplots(1, 2 if load is None else 3)
     values = study.values
     for side in ("right", "left"):
         axes[0].plot(values, getattr(study, side), **receiver(side), lw=2.0, label=side)
@@ -91,23 +90,23 @@ def response_figure(study: LoadedStudy) -> Figure:
         axes[1].axhline(bound, color=LOST, lw=0.8, ls=":")
     axes[1].set(xlabel=LABELS[key], ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
     axes[1].legend(loc="lower right" if study.contrast[-1] > study.contrast[0] else "lower left")
-    if driven is not None:
-        across, along, label_x, label_y = driven
-        axes[2].plot(across, along, color=INK, lw=2.0)
+    if load is not None:
+        x, y, label_x, label_y = load
+        axes[2].plot(x, y, color=INK, lw=2.0)
         axes[2].set(xlabel=label_x, ylabel=label_y)
     figure.suptitle(f"simulated: {study.design.name}")
     return figure
 
 
-def ends_of(study: LoadedStudy) -> list[str]:
+def end_values(study: LoadedStudy) -> list[str]:
     """Return the first and last values of the driven quantity, with its unit."""
     return [f"{study.values[i]:g} {study.design.motion.unit}" for i in (0, -1)]
 
 
 def columns(study: LoadedStudy) -> dict[str, FloatArray]:
-    """Return the driven quantity and those results that the motion has, each of shape (N,), by name."""
-    known = {name: values for name in COLUMNS if (values := getattr(study, name)) is not None}
-    return known | {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
+    """Return the driven quantity and the available results (N,), keyed by name."""
+    available = {name: values for name in COLUMNS if (values := getattr(study, name)) is not None}
+    return available | {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
 
 
 def csv_table(study: LoadedStudy) -> str:
@@ -116,8 +115,8 @@ def csv_table(study: LoadedStudy) -> str:
     return csv_text(table, zip(*table.values(), strict=True))
 
 
-def forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
-    """Return the clamp moment against its angle, or the finger force against its depth."""
+def load_curve(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
+    """Return values and labels of clamp moment against angle or finger force against depth; None for a pull."""
     if study.angle_deg is not None and study.moment_Nmm is not None:
         return study.angle_deg, study.moment_Nmm, LABELS["angle_deg"], "moment of the clamp (N mm)"
     if study.depth_mm is not None and study.force_N is not None:
@@ -131,24 +130,24 @@ def _draw_strain(axes: Axes, state: LoadedState) -> TriMesh:
     strain = 100.0 * picture.strain
     high = max(float(np.quantile(strain, 0.995)), 1e-6)
     mesh = Triangulation(x, z, picture.triangles)
-    drawn = axes.tripcolor(mesh, strain, shading="gouraud", cmap="cividis_r", vmin=0.0, vmax=high, rasterized=True)
+    colours = axes.tripcolor(mesh, strain, shading="gouraud", cmap="cividis_r", vmin=0.0, vmax=high, rasterized=True)
     for face in state.deformed.body.all_faces:
         axes.plot(*face.curve.flattened(0.01).T, color=LOST, lw=0.7, ls="--")
     for face in state.body.all_faces:
         axes.plot(*face.curve.flattened(0.01).T, color=INK, lw=0.8 if face.part != "receiver" else 2.4)
-    return drawn
+    return colours
 
 
 def _draw_forces(axes: Axes, state: LoadedState) -> None:
-    """Draw the forces of holds and loads as arrows, each at the centre of its nodes or at its own centre."""
+    """Draw the forces of holds and loads as arrows, which start at the points about which moments are taken."""
     sizes = [float(np.hypot(*reaction.force_N)) for reaction in state.deformed.reactions]
     largest = max(sizes, default=0.0)
     for reaction, size in zip(state.deformed.reactions, sizes, strict=True):
         if size < 0.02 * largest or size == 0.0:
             continue
-        at, scale = reaction.about_mm, FORCE_MM / largest
-        tip = (at[0] + scale * reaction.force_N[0], at[1] + scale * reaction.force_N[1])
-        axes.annotate("", tip, at, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
-        aside, aligned = (-4, "top") if reaction.force_N[1] > 0.0 else (4, "bottom")  # beside the arrow
+        start, scale = reaction.about_mm, FORCE_MM / largest
+        tip = (start[0] + scale * reaction.force_N[0], start[1] + scale * reaction.force_N[1])
+        axes.annotate("", tip, start, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
+        shift, va = (-4, "top") if reaction.force_N[1] > 0.0 else (4, "bottom")  # the label is next to the arrow
         label = f"{reaction.name}\n{size:.2g} N"
-        axes.annotate(label, at, xytext=(4, aside), textcoords="offset points", fontsize="small", color=INK, va=aligned)
+        axes.annotate(label, start, xytext=(4, shift), textcoords="offset points", fontsize="small", color=INK, va=va)

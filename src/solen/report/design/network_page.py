@@ -1,4 +1,4 @@
-"""The report on a network: powers by emitter and receiver, light, and the response over each motion."""
+"""The report on a network: powers for each emitter and receiver, rays, and the response over each motion."""
 
 import numpy as np
 
@@ -27,30 +27,29 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
 
 
 def expected(study: NetworkStudy) -> list[tuple[str, str]]:
-    """Describe the response by heading: the received light, and the reading that changes most over each motion."""
+    """Return headings and sentences: the received light, and the power that changes most over each motion."""
     rest = study.at_rest
     rows = []
     for number, name in enumerate(rest.emitters):
-        most = int(np.argmax(rest.power[0, number]))
-        power = f"{rest.power[0, number, most]:.4f} ± {rest.u_power[0, number, most]:.1g}"
-        total = float(rest.power[0, number].sum())
-        rows.append(
-            (f"{name} lit", f"the receivers receive {total:.3f} of its power, {rest.receivers[most]} the most: {power}")
-        )
-    return [*rows, *((name, swing_of(response)) for name, response in study.sweeps.items())]
+        brightest = int(np.argmax(rest.power[0, number]))
+        power = f"{rest.power[0, number, brightest]:.4f} ± {rest.u_power[0, number, brightest]:.1g}"
+        total = f"the receivers receive {float(rest.power[0, number].sum()):.3f} of its power"
+        rows.append((f"{name} lit", f"{total}, {rest.receivers[brightest]} the most: {power}"))
+    return [*rows, *((name, largest_change(response)) for name, response in study.sweeps.items())]
 
 
 def _with_u(response: NetworkResponse) -> list[list[float | None]]:
     """Return the readings and uncertainties in a response's first state, with None for missing values."""
-    sides = (response.reading[0], response.u_reading[0])
-    return [[number if np.isfinite(number) else None for number in side.tolist()] for side in sides]
+    columns = (response.reading[0], response.u_reading[0])
+    return [[value if np.isfinite(value) else None for value in column.tolist()] for column in columns]
 
 
-def swing_of(response: NetworkResponse) -> str:
-    """Return the reading that changes most over a motion, with its change."""
-    spread = np.ptp(response.power, axis=0)
-    emitter, receiver = (int(place) for place in np.unravel_index(int(np.argmax(spread)), spread.shape))
-    low, high = (float(end) for end in np.quantile(response.power[:, emitter, receiver], (0.0, 1.0)))
+def largest_change(response: NetworkResponse) -> str:
+    """Return a sentence on the power that changes most over a motion."""
+    change = np.ptp(response.power, axis=0)
+    emitter, receiver = map(int, np.unravel_index(int(np.argmax(change)), change.shape))
+    power = response.power[:, emitter, receiver]
+    low, high = float(power.min()), float(power.max())
     u = float(response.u_power[:, emitter, receiver].max())
     names = f"{response.receivers[receiver]} with {response.emitters[emitter]} lit"
     return f"changes {names} most, between {low:.4f} and {high:.4f} ± {u:.1g}"
@@ -63,12 +62,14 @@ def _parts(study: NetworkStudy) -> list[tuple[str, str, str]]:
         sizes = f"half width {lens.half_width_mm:.4g} mm, {lens.depth_mm:.4g} mm deep"
         rows.append((lens.name, "lens", f"{lens.shape}, {sizes}"))
     for emitter in check.emitters:
-        place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g}°"
-        rows.append((emitter.name, "emitter", f"{place}, {emitter.wavelength_nm:g} nm"))
+        pose = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g}°"
+        rows.append((emitter.name, "emitter", f"{pose}, {emitter.wavelength_nm:g} nm"))
     for receiver in network.receivers:
-        where = f"end at {receiver.node}" if receiver.node else "drawn"
+        position = f"end at {receiver.node}" if receiver.node else "drawn"
         if receiver.guide:
-            where = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
-        rows.append((receiver.name, "receiver", where))
-    ranges = ((motion, f"{motion.from_deg:g}° to {motion.to_deg:g}°") for motion in network.motion)
-    return [*rows, *((one.name, "motion", f"{one.kind} of {one.part}, {angles}") for one, angles in ranges)]
+            position = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
+        rows.append((receiver.name, "receiver", position))
+    for motion in network.motion:
+        text = f"{motion.kind} of {motion.part}, {motion.from_deg:g}° to {motion.to_deg:g}°"
+        rows.append((motion.name, "motion", text))
+    return rows

@@ -1,4 +1,4 @@
-"""The readout figure: voltage over the motion with the spread between parts, and angular resolution."""
+"""The readout figure: voltage over the motion with the spread between components, and angular resolution."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,21 +22,22 @@ def readout_figure(readings: DesignReadings) -> Figure:
 
 
 def network_volts_figure(volts: NetworkVolts) -> Figure:
-    """Draw voltages over each motion in a panel for each emitter, and the resolution of each motion taken alone."""
+    """Draw voltages over each motion in a panel for each emitter, and the resolution of each motion by itself."""
     rest, count = volts.at_rest, len(volts.by_motion)
     if not count:
-        raise SpecError("network.motion", limit="has no motions to draw", remedy="add [[network.motion]]")
+        raise SpecError("network.motion", limit="there is no motion to draw", remedy="add [[network.motion]]")
     rows = len(rest.emitters) + 1
     figure = Figure(figsize=(max(4.6, 3.4 * count), 2.1 * rows + 0.7))
     panels = figure.subplots(rows, count, squeeze=False, sharex="col", sharey="row")
-    for line, (name, one) in zip(panels.T, volts.by_motion.items(), strict=True):
-        for number, axes in enumerate(line[:-1]):
-            _network_volts(axes, volts, one, number)
+    for column, (name, motion) in zip(panels.T, volts.by_motion.items(), strict=True):
+        for number, axes in enumerate(column[:-1]):
+            _network_volts(axes, volts, motion, number)
+        axes = column[-1]
         for number, emitter in enumerate(rest.emitters):
-            line[-1].plot(one.angle_deg, one.resolution_deg[:, number], **series(number), label=f"{emitter} lit")
-        line[-1].plot(one.angle_deg, one.resolution_of_all_deg, color=INK, lw=1.6, label="all")
-        _as_resolution(line[-1])
-        line[-1].set_xlabel(f"{name} (deg)")
+            axes.plot(motion.angle_deg, motion.resolution_deg[:, number], **series(number), label=f"{emitter} lit")
+        axes.plot(motion.angle_deg, motion.resolution_of_all_deg, color=INK, lw=1.6, label="all")
+        _scale_resolution(axes)
+        axes.set_xlabel(f"{name} (deg)")
     for emitter, axes in zip(rest.emitters, panels[:, 0], strict=False):
         axes.set_ylabel(f"V, {emitter} lit")
     panels[-1, 0].set_ylabel("resolution (deg)")
@@ -47,20 +48,20 @@ def network_volts_figure(volts: NetworkVolts) -> Figure:
     return figure
 
 
-def _network_volts(axes: Axes, volts: NetworkVolts, one: MotionVolts, emitter: int) -> None:
-    for place, name in enumerate(volts.at_rest.receivers):
-        axes.plot(one.angle_deg, one.signals.voltage_V[:, emitter, place], **series(place), lw=1.5, label=name)
+def _network_volts(axes: Axes, volts: NetworkVolts, motion: MotionVolts, emitter: int) -> None:
+    for k, name in enumerate(volts.at_rest.receivers):
+        axes.plot(motion.angle_deg, motion.signals.voltage_V[:, emitter, k], **series(k), lw=1.5, label=name)
     axes.axhline(volts.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     axes.set_ylim(0.0, 1.05 * volts.circuits[0].supply_V)
 
 
 def _volts(axes: Axes, readings: DesignReadings) -> None:
     angle, circuit = readings.angle_deg, readings.circuit
-    for place, name in enumerate(circuit.names):
-        low, high = (readings.voltage_by_case_V[case][:, place] for case in ("brightest", "dimmest"))
+    for k, name in enumerate(circuit.names):
+        low, high = (readings.voltage_by_case_V[case][:, k] for case in ("brightest", "dimmest"))
         axes.fill_between(angle, low, high, color=receiver(name)["color"], alpha=0.13, lw=0)
-        noise = f"{1e3 * float(np.median(readings.noise.reading_V[:, place])):.2g} mV"
-        axes.plot(angle, readings.voltage_V[:, place], **receiver(name), lw=1.6, label=f"{name}, noise {noise}")
+        noise = f"{1e3 * float(np.median(readings.noise.reading_V[:, k])):.2g} mV"
+        axes.plot(angle, readings.voltage_V[:, k], **receiver(name), lw=1.6, label=f"{name}, noise {noise}")
     axes.axhline(circuit.supply_V, color=LOST, lw=0.8, ls=":")
     axes.axhline(readings.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
@@ -70,16 +71,16 @@ def _volts(axes: Axes, readings: DesignReadings) -> None:
 
 
 def _resolution(axes: Axes, readings: DesignReadings) -> None:
-    for place, name in enumerate(readings.circuit.names):
-        axes.plot(readings.angle_deg, readings.resolution_deg[:, place], **receiver(name), lw=1.2, label=name)
+    for k, name in enumerate(readings.circuit.names):
+        axes.plot(readings.angle_deg, readings.resolution_deg[:, k], **receiver(name), lw=1.2, label=name)
     axes.plot(readings.angle_deg, readings.resolution_of_all_deg, color=INK, lw=1.6, label="both")
-    _as_resolution(axes)
+    _scale_resolution(axes)
     axes.set(xlabel="angle (deg)", ylabel="resolution of one reading (deg, 1 σ)")
     axes.set_title("electronic noise alone, ambient light subtracted")
     axes.legend()
 
 
-def _as_resolution(axes: Axes) -> None:
+def _scale_resolution(axes: Axes) -> None:
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,4 +1,4 @@
-"""The sensitivity figure: derivatives of the contrast with respect to each parameter, a panel for each unit."""
+"""The sensitivity figure: derivatives of the contrast with respect to each parameter, in a panel for each unit."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from solen.sensor.response import Sensitivity
 from solen.sensor.traced import Sensitivities, value_text
 
 UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm", "_MPa": "MPa"}
-"""Units by key suffix; other keys have none."""
+"""Units, keyed by suffix of a design key; other keys are dimensionless."""
 
 
 def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
@@ -25,23 +25,22 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
     """
     rows = [row for row in sensitivities.sensitivities if np.isfinite(row.contrast.value)]
     if not rows:
-        raise OutputError("figure", limit="no parameter of the design has a derivative of the contrast here")
-    panels = {unit: [row for row in rows if unit_of(row.key) == unit] for unit in dict.fromkeys(map(_unit, rows))}
+        limit = "the contrast has no derivative with respect to any parameter at this position"
+        raise OutputError("figure", limit=limit, remedy="omit --figure, or change the position")
+    units = dict.fromkeys(unit_of(row.key) for row in rows)
+    panels = {unit: [row for row in rows if unit_of(row.key) == unit] for unit in units}
     figure = Figure(figsize=(6.4, 0.9 + 0.7 * len(panels) + 0.34 * len(rows)))
-    grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
-    for place, (unit, part) in enumerate(panels.items()):
-        _draw(figure.add_subplot(grid[place, 0]), unit, part)
+    grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(panel) + 1 for panel in panels.values()])
+    for row, (unit, panel) in enumerate(panels.items()):
+        _draw(figure.add_subplot(grid[row, 0]), unit, panel)
     figure.suptitle(f"simulated: {sensitivities.name} at {value_text(sensitivities)}")
     return figure
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a design key; empty if it has none."""
-    return next((unit for end, unit in sorted(UNITS.items(), key=lambda e: -len(e[0])) if key.endswith(end)), "")
-
-
-def _unit(row: Sensitivity) -> str:
-    return unit_of(row.key)
+    """Return the unit of a design key; empty if it is dimensionless."""
+    suffixes = sorted(UNITS, key=len, reverse=True)
+    return next((UNITS[suffix] for suffix in suffixes if key.endswith(suffix)), "")
 
 
 def _draw(axes: Axes, unit: str, rows: Sequence[Sensitivity]) -> None:

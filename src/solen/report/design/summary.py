@@ -1,6 +1,6 @@
-"""The design summary: what to expect, what matters, and what to do.
+"""Summary of a design: expected response, effects of the tolerances, and advice.
 
-The command prints these lines and the report begins with them. Every value is computed, with as many digits as its
+`solen run` prints these lines, and the report begins with them. Every value is computed and has as many digits as its
 uncertainty justifies.
 """
 
@@ -17,7 +17,7 @@ NAMES = {
     "emitter.offset_mm": "decentre of the emitter",
     "emitter.width_mm": "width of the chip",
     "emitter.distance_mm": "distance of the emitter",
-    "material.index": "index of the print, the lens as cut",
+    "material.index": "index of the print, same lens shape",
     "material.absorption_per_mm": "absorption",
     "body.arm_width_mm": "width of the arms",
     "receivers.gap_mm": "air gap before the receivers",
@@ -26,24 +26,24 @@ ADVICE = {
     "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset "
     "of {by} moves it by {null}.",
     "emitter.width_mm": "Measure the LED chip: a width change of {by} changes the contrast by {change}.",
-    "emitter.distance_mm": "Hold the emitter at its distance: an error of {by} changes the contrast by {change}.",
+    "emitter.distance_mm": "Keep the emitter at its distance: an error of {by} changes the contrast by {change}.",
     "material.index": "Measure the index of the printed material: an error of {by} changes the contrast by {change}.",
-    "material.absorption_per_mm": "Measure the loss of the print on guides: an absorption of {by} "
-    "costs {light} of the light.",
-    "body.arm_width_mm": "Print the arms to width: an error of {by} changes the contrast by {change}.",
-    "receivers.gap_mm": "Hold the gap before the receivers: an error of {by} changes the contrast by {change}.",
+    "material.absorption_per_mm": "Measure the loss of printed guides: an absorption of {by} costs {light} of the "
+    "light.",
+    "body.arm_width_mm": "Check the width of the printed arms: an error of {by} changes the contrast by {change}.",
+    "receivers.gap_mm": "Check the gap in front of the receivers: an error of {by} changes the contrast by {change}.",
     JOIN: "Determine how the turned lens joins the stem, or blacken the joins (a [[wall]] on them): {by} changes the "
     "contrast by {change}.",
-    HOLD: "State how the body is held: a soft body held by {by} changes the contrast by {change}.",
+    HOLD: "Specify the supports of the body: if a soft body is supported at {by}, the contrast changes by {change}.",
 }
-LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
-WORTH = 0.005
-"""Advice is given if the contrast changes by more than this, or the light by more than ten times this fraction."""
+LENS_NAMES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
+MIN_CHANGE = 0.005
+"""Smallest change of the contrast, and a tenth of the smallest relative change of the light, that leads to advice."""
 MAX_ADVICE, MAX_DIGITS = 4, 4
 
 
-class Matter(NamedTuple):
-    """A parameter that deviates: its name, its deviation, and the effect on null, contrast and light."""
+class EffectRow(NamedTuple):
+    """Effect of a parameter: its name, its deviation, and the changes of null, contrast and light."""
 
     name: str
     by: str
@@ -53,7 +53,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """Format a value with one or two digits of its uncertainty; write "about" if the uncertainty is infinite."""
+    """Format a value with one or two digits of its uncertainty; with "about" if the uncertainty is infinite."""
     if value is None or not math.isfinite(value):
         return "none"
     if u == math.inf:
@@ -63,12 +63,12 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
     power = math.floor(math.log10(u))
     digits = min(max(-power + (u / 10.0**power < 2.95), 0), MAX_DIGITS)
     rounded = _unsigned(round(value, digits), 0.0)
-    shown = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"< {10.0**-digits:.{digits}f}"
-    return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} ± {shown}"
+    u_text = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"< {10.0**-digits:.{digits}f}"
+    return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} ± {u_text}"
 
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
-    """Return the expected response by heading, including the responses without a lens, as in the paper and as built."""
+    """Return headings and sentences on the expected response, also without a lens, as in the paper, and as built."""
     case, summary = study.case, study.case.summary
     light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
     rows = [
@@ -83,21 +83,21 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
     if practice is not None and practice.built is not None and not practice.built.is_design:
         built = practice.built
         slope = measured(built.slope_per_deg, built.u_slope_per_deg)
-        rows.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
+        rows.append((f"as built ({emitter_text(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
     if practice is not None and practice.paper is not None:
-        saturated = practice.paper.saturation_deg()
-        beyond = "" if saturated is None else f"; above {SATURATION_CONTRAST:g} from {saturated:.2f}° on"
-        rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
+        saturation_deg = practice.paper.saturation_deg()
+        saturated = "" if saturation_deg is None else f"; above {SATURATION_CONTRAST:g} from {saturation_deg:.2f}° on"
+        rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{saturated}"))
     return rows
 
 
-def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
-    """Return the angles and each parameter's effect there when it deviates by its tolerance, largest effect first."""
+def effect_rows(practice: Practice | None) -> tuple[list[float], list[EffectRow]]:
+    """Return angles, and the effect at these angles of each parameter that deviates by its tolerance, largest first."""
     if practice is None or not practice.effects:
         return [], []
     angles = sorted({float(angle) for effect in practice.effects for angle in effect.angle_deg})
     angles = [angle for angle in angles if angle != 0.0 or len(angles) == 1]
-    return angles, [_matter(effect, angles) for effect in practice.effects]
+    return angles, [_effect_row(effect, angles) for effect in practice.effects]
 
 
 def advice(study: DesignStudy) -> list[str]:
@@ -106,43 +106,46 @@ def advice(study: DesignStudy) -> list[str]:
     summary = study.case.summary
     if study.practice is not None:
         for effect in study.practice.effects:
-            light = abs(effect.received) > 10.0 * WORTH
-            if (effect.resolved and effect.largest >= WORTH) or (light and effect.key == "material.absorption_per_mm"):
-                sentences.append(_advised(effect))
+            is_absorption = effect.key == "material.absorption_per_mm"
+            dims = is_absorption and abs(effect.received) > 10.0 * MIN_CHANGE
+            if dims or (effect.resolved and effect.largest >= MIN_CHANGE):
+                sentences.append(_advice(effect))
     if summary.saturation_deg is not None:
-        text = f"Use it within {summary.saturation_deg:.2g}° of the null: beyond it, only the direction is known"
-        sentences.insert(0, f"{text}; a larger chip widens this range.")
+        text = (
+            f"Use the sensor within {summary.saturation_deg:.2g}° of the null: outside this range, only the direction"
+        )
+        sentences.insert(0, f"{text} is known; a larger chip widens the range.")
     return list(dict.fromkeys(sentences))[:MAX_ADVICE]
 
 
 def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
-    """Return a table of the design with each kind of lens, headings first; return an empty one without a comparison."""
+    """Return a table of the design with each kind of lens, headings first; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or len(choice.lenses) < 2:
         return []
     first = choice.lenses[0]
-    by_size = sorted(range(len(first.angle_deg)), key=lambda i: abs(first.angle_deg[i] - first.off_deg))
-    places = sorted({0, by_size[0], len(first.angle_deg) - 1})
-    angles = [f"contrast at {first.angle_deg[i]:+.3g}°" for i in places]
-    off = f"at {first.off_deg:+.3g}°, {choice.y_off_mm:g} mm off in y"
+    nearest = min(range(len(first.angle_deg)), key=lambda i: abs(first.angle_deg[i] - first.off_deg))
+    columns = sorted({0, nearest, len(first.angle_deg) - 1})
+    angles = [f"contrast at {first.angle_deg[i]:+.3g}°" for i in columns]
+    displaced = f"at {first.off_deg:+.3g}°, {choice.y_off_mm:g} mm off in y"
     slope = f"mean slope per degree within ±{first.within_deg:.2g}°"
-    heads = ("lens", *angles, off, slope, "light", "nonlinearity")
-    return [heads, *(_lens_row(lens, places, choice.own) for lens in choice.lenses)]
+    heads = ("lens", *angles, displaced, slope, "light", "nonlinearity")
+    return [heads, *(_lens_row(lens, columns, choice.own) for lens in choice.lenses)]
 
 
-def lens_words(practice: Practice | None) -> list[str]:
-    """Say whether another lens is worthwhile; return nothing without a comparison."""
+def lens_sentences(practice: Practice | None) -> list[str]:
+    """Return sentences on whether another lens is worthwhile; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or choice.layers_pay is None:
         return []
     cylinder, layered = choice.of(CYLINDER), choice.of(LAYERED)
     if cylinder is None or layered is None:
         return []
-    return [*_pays(choice, layered, cylinder), _straight(layered, cylinder)]
+    return [*_layered_sentences(choice, layered, cylinder), _linearity_sentence(layered, cylinder)]
 
 
-def emitter_words(study: DesignStudy) -> str:
-    """Describe the emitter in the sensor as built."""
+def emitter_text(study: DesignStudy) -> str:
+    """Return a description of the emitter in the sensor as built."""
     built = None if study.practice is None else study.practice.built
     if built is None:
         return "in the plane" if study.design.trace.dimension == "2d" else "in space"
@@ -154,7 +157,7 @@ def emitter_words(study: DesignStudy) -> str:
 
 
 def _ends(response: Response) -> str:
-    """Describe the contrast at both ends of the motion."""
+    """Return the contrast at both ends of the motion."""
     ends = sorted({0, len(response.angle_deg) - 1})
     values = [
         (measured(float(response.contrast[i]), float(response.u_contrast[i])), response.angle_deg[i]) for i in ends
@@ -186,14 +189,16 @@ def _range(summary: Summary) -> str:
             f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays within ±{SATURATION_CONTRAST:g}"
         )
     return (
-        f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds ±{SATURATION_CONTRAST:g}"
+        f"{summary.saturation_deg:.2f}° to each side of the null; outside, the contrast exceeds "
+        f"±{SATURATION_CONTRAST:g}"
     )
 
 
-def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]:
-    contrasts = [measured(float(lens.contrast[i]), float(lens.u_contrast[i])) for i in places]
+def _lens_row(lens: LensFigures, columns: list[int], design_shape: str) -> tuple[str, ...]:
+    contrasts = [measured(float(lens.contrast[i]), float(lens.u_contrast[i])) for i in columns]
+    name = f"{LENS_NAMES[lens.shape]}{' as given' if lens.given else ''}"
     return (
-        f"{LENSES[lens.shape]}{' as given' if lens.given else ''}{' (this design)' if lens.shape == own else ''}",
+        f"{name}{' (this design)' if lens.shape == design_shape else ''}",
         *contrasts,
         measured(lens.off_contrast, lens.u_off_contrast),
         measured(lens.slope_per_deg, lens.u_slope_per_deg),
@@ -202,59 +207,57 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
     )
 
 
-def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
-    """Say whether the layered lens is worthwhile, and what it requires."""
+def _layered_sentences(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
+    """Return sentences on whether the layered lens is worthwhile, and on what it requires."""
     gain = measured(choice.gain, choice.u_gain, sign=False)
     values = f"contrast {abs(layered.off_contrast):.2f} instead of {abs(cylinder.off_contrast):.2f}"
-    there = f"signal {gain} times the cylinder's ({values})"
-    there += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
+    signal = f"the signal is {gain} times that of the cylinder ({values})"
+    signal += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     name = "layered lens as given" if layered.given else "layered lens"
     if layered.given:
-        there += ", to the less favourable side; the cylinder is as designed"
+        signal += ", to the less favourable side; the cylinder is as designed"
     if not choice.layers_pay:
-        return [f"The {name} is not worthwhile here: {there}."]
-    asked = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y."
-    printed = " None has been printed yet; solen print predict computes how a printer would reproduce it."
-    return [f"The {name} is worthwhile for small angles: {there}.", asked if layered.given else asked + printed]
+        return [f"The {name} is not worthwhile for this design: {signal}."]
+    requirement = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y."
+    if not layered.given:
+        requirement += " None has been printed yet; solen print predict computes how a printer would reproduce it."
+    return [f"The {name} is worthwhile for small angles: {signal}.", requirement]
 
 
-def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
-    """Say which response is more linear."""
-    straight, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
-    by = f"deviation from a straight line {100 * straight.nonlinearity:.0f} % against {100 * other.nonlinearity:.0f} %"
-    if other.nonlinearity - straight.nonlinearity <= other.u_nonlinearity + straight.u_nonlinearity:
-        return f"Neither response is more linear: {by}."
-    return f"For a more linear response use the {LENSES[straight.shape]} lens: {by}.".replace(
-        "cylinder lens", "cylinder"
-    )
+def _linearity_sentence(layered: LensFigures, cylinder: LensFigures) -> str:
+    """Return a sentence on which response is more linear."""
+    best, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
+    values = f"deviation from a straight line {100 * best.nonlinearity:.0f} %, against {100 * other.nonlinearity:.0f} %"
+    if other.nonlinearity - best.nonlinearity <= other.u_nonlinearity + best.u_nonlinearity:
+        return f"Neither response is significantly more linear: {values}."
+    name = "cylinder" if best is cylinder else "layered lens"
+    return f"For a more linear response, use the {name}: {values}."
 
 
-def _matter(effect: Effect, angles: list[float]) -> Matter:
-    there = effect.angle_deg.tolist()
+def _effect_row(effect: Effect, angles: list[float]) -> EffectRow:
+    known = effect.angle_deg.tolist()
     changes = [
-        measured(float(effect.contrast[there.index(angle)]), float(effect.u_contrast[there.index(angle)]))
-        if angle in there
+        measured(float(effect.contrast[known.index(angle)]), float(effect.u_contrast[known.index(angle)]))
+        if angle in known
         else "–"
         for angle in angles
     ]
     moved = effect.null_deg is not None and abs(effect.null_deg) > (effect.u_null_deg or 0.0)
     null = f"{measured(effect.null_deg, effect.u_null_deg)}°" if moved else "–"
     light = f"{measured(100 * effect.received, 100 * effect.u_received)} %"
-    return Matter(_name(effect), _by(effect), null, tuple(changes), light)
+    return EffectRow(_name(effect), _deviation(effect), null, tuple(changes), light)
 
 
 def _name(effect: Effect) -> str:
     if effect.key == HOLD:
-        return f"soft body held by {HOLDS[str(effect.value)]}"
-    return (
-        f"turned lens joined by a {effect.value}".replace("a smooth", "smooth sides")
-        if effect.key == JOIN
-        else NAMES.get(effect.key, effect.key)
-    )
+        return f"soft body supported at {HOLDS[str(effect.value)]}"
+    if effect.key == JOIN:
+        return f"turned lens joined by {'smooth sides' if effect.value == 'smooth' else f'a {effect.value}'}"
+    return NAMES.get(effect.key, effect.key)
 
 
-def _by(effect: Effect) -> str:
-    """Describe the deviation of a parameter."""
+def _deviation(effect: Effect) -> str:
+    """Return the deviation of a parameter with its unit."""
     if effect.tolerance is None:
         return "instead"
     unit, value = effect.key.rpartition(".")[2].rpartition("_")[2], effect.tolerance
@@ -265,11 +268,11 @@ def _by(effect: Effect) -> str:
     return f"{value:.2g}" + {"deg": "°", "nm": " nm"}.get(unit, "")
 
 
-def _advised(effect: Effect) -> str:
-    place = int(np.nanargmax(np.abs(effect.contrast)))
-    change = f"{abs(effect.contrast[place]):.2g} at {effect.angle_deg[place]:+.3g}°"
+def _advice(effect: Effect) -> str:
+    largest = int(np.nanargmax(np.abs(effect.contrast)))
+    change = f"{abs(effect.contrast[largest]):.2g} at {effect.angle_deg[largest]:+.3g}°"
     null = "nothing" if effect.null_deg is None else f"{abs(effect.null_deg):.2g}°"
-    by = f"a {effect.value} join" if effect.key == JOIN else _by(effect)
+    by = f"a {effect.value} join" if effect.key == JOIN else _deviation(effect)
     by = HOLDS[str(effect.value)] if effect.key == HOLD else by
     text = ADVICE.get(effect.key, f"{effect.key}: a deviation of {{by}} changes the contrast by {{change}}.")
     return text.format(by=by, change=change, null=null, light=f"{abs(effect.received):.0%}")

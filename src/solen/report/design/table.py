@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Iterable
 
 from solen.sensor import DesignStudy
@@ -10,7 +11,7 @@ PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """Return one row for each angle: right, left and contrast of every case in header order; powers with u."""
+    """Return a CSV table of the powers and the contrast of every case, with a row for each angle."""
     columns = {"angle_deg": study.case.power.angle_deg}
     for name, case in study.cases.items():
         if case.count is not None:
@@ -20,11 +21,16 @@ def csv_table(study: DesignStudy) -> str:
 
 
 def csv_text(heads: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
-    """Return a table as CSV with all digits; unknown numbers are left empty."""
+    """Return a table as CSV with all digits; the cell of an unknown number is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(heads)
     for row in rows:
-        cells = (one if isinstance(one, str) else float(one) for one in row)
-        writer.writerow("" if cell != cell else cell if isinstance(cell, str) else repr(cell) for cell in cells)
+        writer.writerow(map(_cell, row))
     return text.getvalue()
+
+
+def _cell(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if math.isnan(value) else repr(float(value))

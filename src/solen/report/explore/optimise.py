@@ -1,4 +1,4 @@
-"""Search figures: responses before and after, search progress, and the Pareto front of two goals."""
+"""Figures of a search: responses before and after, progress, and the Pareto front of two goals."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from solen.arrays import FloatArray
-from solen.explore.merits import shown
+from solen.explore.merits import table_merits
 from solen.explore.optimise import Front, FrontDesign, Optimum
 from solen.report.canvas import INK, LEFT, RIGHT
 
@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, RIGHT
 def optimum_figure(result: Optimum) -> Figure:
     """Draw the contrast before and after, the best value against designs tried, and prints of both designs.
 
-    For a network, the final merits relative to their initial values replace the contrast.
+    For a network, the merits relative to their initial values replace the contrast.
     """
     has_prints = result.prints_before is not None and result.prints_after is not None
     rows = 3 if has_prints else 2
@@ -27,23 +27,25 @@ def optimum_figure(result: Optimum) -> Figure:
         _contrasts(figure, grid, result)
     else:
         _merits(figure.add_subplot(grid[0, :]), result)
-    _course(figure.add_subplot(grid[1, :]), result)
-    for place, name in enumerate(_shown(result) if has_prints else ()):
-        _prints(figure.add_subplot(grid[2, place]), result, name)
+    _history(figure.add_subplot(grid[1, :]), result)
+    for column, name in enumerate(_print_merits(result) if has_prints else ()):
+        _prints(figure.add_subplot(grid[2, column]), result, name)
     figure.suptitle(f"simulated: {result.name}, {result.goal}")
     return figure
 
 
 def _merits(axes: Axes, result: Optimum) -> None:
-    """Draw final merits as fractions of initial values that exceed their uncertainties."""
+    """Draw the merits as fractions of their initial values, if these exceed their uncertainties."""
     before, after = result.before.merits, result.after.merits
-    names = [name for name in shown(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])]
-    part = np.array([after[name] / before[name] for name in names])
+    names = [
+        name for name in table_merits(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])
+    ]
+    ratios = np.array([after[name] / before[name] for name in names])
     u = [
         np.hypot(after[f"u_{name}"], ratio * before[f"u_{name}"]) / abs(before[name])
-        for name, ratio in zip(names, part, strict=True)
+        for name, ratio in zip(names, ratios, strict=True)
     ]
-    axes.errorbar(part, range(len(names)), xerr=u, fmt="o", color=RIGHT, ecolor=INK, ms=5, capsize=2)
+    axes.errorbar(ratios, range(len(names)), xerr=u, fmt="o", color=RIGHT, ecolor=INK, ms=5, capsize=2)
     axes.axvline(1.0, color=LEFT, lw=1.0, ls="--")
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
@@ -51,48 +53,48 @@ def _merits(axes: Axes, result: Optimum) -> None:
 
 
 def _contrasts(figure: Figure, grid: GridSpec, result: Optimum) -> None:
-    """Draw the contrast over the angle before and after."""
+    """Draw the contrast against the angle before and after."""
     before, after = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    nothing_off = "as designed" if result.printed_by is None else "as printed"
+    nominal = "as designed" if result.printed_by is None else "as printed"
     cases = 2 if result.robust else 1
-    _response(before, result.angle_deg, result.contrast_before[:cases], LEFT, nothing_off)
-    _response(after, result.angle_deg, result.contrast_after[:cases], RIGHT, nothing_off)
+    _response(before, result.angle_deg, result.contrast_before[:cases], LEFT, nominal)
+    _response(after, result.angle_deg, result.contrast_after[:cases], RIGHT, nominal)
     before.set_title("before")
     after.set_title("after")
 
 
-def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str, nothing_off: str) -> None:
-    axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label=nothing_off)
+def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str, nominal: str) -> None:
+    axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label=nominal)
     for worst in contrast[1:]:
-        axes.plot(angle_deg, worst, "--", color=INK, lw=1.2, label="where the goal is worst")
+        axes.plot(angle_deg, worst, "--", color=INK, lw=1.2, label="worst deviations")
     axes.set_xlabel("angle in deg")
     axes.set_ylabel("contrast")
     axes.legend()
 
 
-def _shown(result: Optimum) -> list[str]:
-    """Return the merits whose print distributions are drawn: the first goal merit, and the null or the light."""
-    names = shown(result.before.merits)
-    of_goal = next((name for name in result.before.merits if name in result.goal), names[0])
-    other = next(name for name in ("null_deg", "light", *names) if name in names and name != of_goal)
-    return [of_goal, other]
+def _print_merits(result: Optimum) -> list[str]:
+    """Return the merits whose distributions over the prints are drawn: that of the goal, and the null or the light."""
+    names = table_merits(result.before.merits)
+    goal_merit = next((name for name in result.before.merits if name in result.goal), names[0])
+    other = next(name for name in ("null_deg", "light", *names) if name in names and name != goal_merit)
+    return [goal_merit, other]
 
 
 def _prints(axes: Axes, result: Optimum, name: str) -> None:
     """Draw histograms of a merit over simulated prints of both designs."""
-    of = {"before": (result.prints_before, LEFT), "after": (result.prints_after, RIGHT)}
-    values = {label: prints.merits[name] for label, (prints, _) in of.items() if prints is not None}
+    series = {"before": (result.prints_before, LEFT), "after": (result.prints_after, RIGHT)}
+    values = {label: prints.merits[name] for label, (prints, _) in series.items() if prints is not None}
     finite = {label: column[np.isfinite(column)] for label, column in values.items()}
     bins = np.histogram_bin_edges(np.concatenate(list(finite.values())), bins="fd").tolist()
     for label, column in finite.items():
-        axes.hist(column, bins=bins, color=of[label][1], alpha=0.6, label=label)
+        axes.hist(column, bins=bins, color=series[label][1], alpha=0.6, label=label)
     axes.set_xlabel(f"{name} of prints")
     axes.set_ylabel("prints")
     axes.margins(y=0.6)  # room for the legend
     axes.legend(ncols=2)
 
 
-def _course(axes: Axes, result: Optimum) -> None:
+def _history(axes: Axes, result: Optimum) -> None:
     axes.plot(
         np.arange(1, result.history.size + 1),
         result.history,
@@ -119,18 +121,18 @@ def _course(axes: Axes, result: Optimum) -> None:
 
 
 def front_figure(result: Front) -> Figure:
-    """Draw the numbered Pareto front and the initial design, all traced finely and with their uncertainties."""
+    """Draw the numbered designs of the Pareto front and the initial design, all retraced, with their uncertainties."""
     figure = Figure(figsize=(7.0, 5.2))
     axes = figure.add_subplot()
     _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
     _designs(axes, [result.before], fmt="s", color=LEFT, ms=7, label="before")
-    side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # the side away from the front
+    side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # labels must not cover the front
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if side < 0 else "left", "color": RIGHT}
     for design in result.designs:
         axes.annotate(str(design.number), (design.goals[0], design.goals[1]), xytext=(6 * side, 5), **look)
-    words = [goal.partition(" ") for goal in result.goals]
-    axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
-    axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")
+    (x_verb, _, x_goal), (y_verb, _, y_goal) = (goal.partition(" ") for goal in result.goals)
+    axes.set_xlabel(f"{x_goal} ({x_verb})")
+    axes.set_ylabel(f"{y_goal} ({y_verb})")
     worst = ", worst over the deviations" if result.robust else ""
     axes.set_title(f"simulated: {result.name}{worst}")
     axes.legend()
@@ -138,6 +140,6 @@ def front_figure(result: Front) -> Figure:
 
 
 def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
-    """Return the goals and their uncertainties for the given designs."""
+    """Draw the goals of designs with their uncertainties."""
     goals, u = (np.array([getattr(design, name) for design in designs]).T for name in ("goals", "u_goals"))
     axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)

@@ -1,4 +1,4 @@
-"""The tolerance figure: one page with the yield, its losses, and the variation of every merit between prints."""
+"""The tolerance figure: yields, yield losses, and the variation of every merit between prints."""
 
 import math
 
@@ -16,7 +16,7 @@ COLUMNS, MIN_BINS, MAX_UNKNOWN = 3, 8, 0.5
 
 
 def tolerance_figure(result: Tolerances) -> Figure:
-    """Draw yields, the yield with each parameter exact, the causes of variance, and histograms of the merits."""
+    """Draw yields, yields with one parameter exact, the causes of the variance, and histograms of the merits."""
     spreads = result.spreads
     rows = -(-len(spreads) // COLUMNS)
     adjusted = result.yields[0].adjusted_share if result.yields else None
@@ -27,43 +27,43 @@ def tolerance_figure(result: Tolerances) -> Figure:
     ]
     figure = Figure(figsize=(9.0, 0.8 + sum(heights)))
     grid = figure.add_gridspec(3, 1, height_ratios=heights)
-    top, middle, bottom = (grid[place] for place in range(3))
+    top, middle, bottom = (grid[row] for row in range(3))
     if result.yields:
-        beside = top.subgridspec(1, 2)
-        _yields(figure.add_subplot(beside[0]), result)
-        _costs(figure.add_subplot(beside[1]), result)
+        left, right = (top.subgridspec(1, 2)[column] for column in range(2))
+        _yields(figure.add_subplot(left), result)
+        _costs(figure.add_subplot(right), result)
     else:
         _deviations(figure.add_subplot(top), result)
     _causes(figure, figure.add_subplot(middle), result)
-    places = bottom.subgridspec(rows, COLUMNS)
-    for place, spread in enumerate(spreads):
-        _histogram(figure.add_subplot(places[place // COLUMNS, place % COLUMNS]), result, spread)
+    panels = bottom.subgridspec(rows, COLUMNS)
+    for k, spread in enumerate(spreads):
+        _histogram(figure.add_subplot(panels[k // COLUMNS, k % COLUMNS]), result, spread)
     plain_numbers(figure)
     figure.suptitle(
         f"simulated: {result.name}, {result.prints} prints{_failed(result)}"
-        f"{', blue: prints that meet all' if result.yields else ''}"
+        f"{', blue: prints that meet all requirements' if result.yields else ''}"
     )
     return figure
 
 
 def _failed(result: Tolerances) -> str:
-    """Say how many prints have no response and are therefore missing from the histograms."""
+    """Return the number of prints without a response, which are missing from the histograms, for the title."""
     failed = int(np.isnan(result.merits["light"]).sum())
     return f" ({failed} without a response)" if failed else ""
 
 
 def _yields(axes: Axes, result: Tolerances) -> None:
-    """Draw the yield for each requirement as bars: as printed and, below it, calibrated and adjusted."""
+    """Draw the yield for each requirement as bars: as printed and, below, calibrated and adjusted."""
     rows: list[tuple[str, float, float, str]] = []
-    for one in result.yields:
-        name = one.requirement or "all"
-        rows.append((name, one.share, one.u_share, LEFT))
-        if one.calibrated_share is not None:
-            rows.append(("calibrated", one.calibrated_share, one.u_calibrated_share or 0.0, RIGHT))
-        if one.adjusted_share is not None:
-            rows.append(("adjusted", one.adjusted_share, one.u_adjusted_share or 0.0, SERIES[2]))
-    for place, (_, share, u, colour) in enumerate(rows):
-        axes.barh(place, 100 * share, color=colour, alpha=0.8, xerr=100 * u)
+    for result_yield in result.yields:
+        name = result_yield.requirement or "all"
+        rows.append((name, result_yield.share, result_yield.u_share, LEFT))
+        if result_yield.calibrated_share is not None:
+            rows.append(("calibrated", result_yield.calibrated_share, result_yield.u_calibrated_share or 0.0, RIGHT))
+        if result_yield.adjusted_share is not None:
+            rows.append(("adjusted", result_yield.adjusted_share, result_yield.u_adjusted_share or 0.0, SERIES[2]))
+    for row, (_, fraction, u, colour) in enumerate(rows):
+        axes.barh(row, 100 * fraction, color=colour, alpha=0.8, xerr=100 * u)
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
@@ -71,14 +71,14 @@ def _yields(axes: Axes, result: Tolerances) -> None:
 
 
 def _costs(axes: Axes, result: Tolerances) -> None:
-    """Draw the yield with each parameter in turn made exact."""
+    """Draw the yield if one parameter at a time were exact."""
     rows = result.varied
     axes.barh(range(len(rows)), [100 * (row.share_if_exact or 0.0) for row in rows], color=SERIES[2], alpha=0.8)
     axes.axvline(100 * result.yields[-1].share, color=INK, lw=1.0)
     axes.set_yticks(range(len(rows)), [row.key for row in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("yield in % if this number were exact (line: as varied)")
+    axes.set_xlabel("yield in % if this were exact (line: all vary)")
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:
@@ -89,20 +89,20 @@ def _deviations(axes: Axes, result: Tolerances) -> None:
 
 
 def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
-    """Draw the total Sobol' indices of each merit, in grey where the surrogate is not valid."""
+    """Draw the total Sobol' indices of each merit, in grey if the surrogate is not valid."""
     keys = [row.key for row in result.varied]
-    shares = np.array(
+    indices = np.array(
         [[spread.total[key] if spread.held_out < MAX_UNKNOWN else np.nan for spread in result.spreads] for key in keys]
     )
     axes.set_facecolor(SOFT)
-    drawn = axes.pcolormesh(100 * np.ma.masked_invalid(shares), vmin=0, vmax=100, cmap="Blues", edgecolors="w", lw=0.8)
+    mesh = axes.pcolormesh(100 * np.ma.masked_invalid(indices), vmin=0, vmax=100, cmap="Blues", edgecolors="w", lw=0.8)
     axes.set_xticks(np.arange(len(result.spreads)) + 0.5, [spread.merit for spread in result.spreads], rotation=90)
     axes.set_yticks(np.arange(len(keys)) + 0.5, keys)
     axes.invert_yaxis()
     axes.grid(visible=False)
-    if np.isnan(shares).any():
+    if np.isnan(indices).any():
         axes.set_title("grey: constant, or causes not resolved by these prints")
-    figure.colorbar(drawn, ax=axes, label="fraction of the\nvariance in %")
+    figure.colorbar(mesh, ax=axes, label="fraction of the\nvariance in %")
 
 
 def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:

@@ -14,8 +14,8 @@ from solen.material.index.layer import LayerIndex
 from solen.metrology.coupons import CouponMeasurement
 from solen.paper.statements import paper_value
 from solen.report.canvas import HIGHER, INK
-from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
-from solen.report.design.network import rays_of
+from solen.report.design.figures import MAX_RAYS, rays_figure, sensor_view
+from solen.report.design.network import sensors_figure
 from solen.report.print.fidelity import fidelity_figure
 from solen.report.resin.cure import cure_figure
 from solen.report.resin.index import index_figure
@@ -76,12 +76,12 @@ def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
 
 def robot_figure(traced: NetworkTrace) -> Figure:
     """Draw the rays of each emitter of a network, traced in counting mode, in which no ray is split."""
-    return rays_of([sensor.set({"trace.mode": "count"}) for sensor in traced.sensors])
+    return sensors_figure([sensor.set({"trace.mode": "count"}) for sensor in traced.sensors])
 
 
 def states_figure(sensor: Sensor, angles_deg: Sequence[float], letters: str, zoom_mm: float | None = None) -> Figure:
     """Draw the rays in a sensor at several angles in the plane; ``zoom_mm`` limits the view to the lens."""
-    figure = rays_figure([sensor_view(sensor, angle, SHOWN_RAYS) for angle in angles_deg], zoom_mm)
+    figure = rays_figure([sensor_view(sensor, angle, MAX_RAYS) for angle in angles_deg], zoom_mm)
     for axes, letter in zip(figure.axes, letters, strict=True):
         lettered(axes, letter)
     return figure
