@@ -27,7 +27,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.bench.calibrate import calibrate
 from solen.pipeline.bench.decode import decode
 from solen.recording import Provenance
-from tests.bench.lsl_support import kept_streams
+from tests.bench.lsl_support import recorded_streams
 from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, RIG, SWAY, light, without_tracing, write
 from tests.command_support import answered
 
@@ -295,7 +295,7 @@ def test_what_commands_print_of_a_network_fits_their_schema(bench: Path, capfd: 
 
 def test_a_run_of_a_network_is_followed_while_it_grows(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (file,) = calibrate(bench / "plan.nc", out=bench / "known.calibration.json").files.values()
-    closed, followed, streams = io.StringIO(), io.StringIO(), kept_streams(monkeypatch)
+    closed, followed, streams = io.StringIO(), io.StringIO(), recorded_streams(monkeypatch)
     of_recording = decode(file, str(bench / "visits.nc"), rows=closed).result
     data, growing = (bench / "kept-visits.journal").read_bytes(), bench / "growing.journal"
     cuts = np.linspace(len(data) // 3, len(data), 5).astype(int).tolist()

@@ -12,16 +12,16 @@ from solen.bench.board import BoardStage, SerialBoard
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.firmware.solen_board import ALIVE
 from solen.bench.frames import Layout, Losses, Periods, frame
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.link import open_link
-from solen.bench.rig import RoomLight, load_rig
-from solen.bench.roles import EmitterBoard, Homes
+from solen.bench.rig import AmbientLight, load_rig
+from solen.bench.roles import EmitterBoard, HomingStage
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.simulated.stage import Move
 from solen.errors import BenchError
 from tests.bench.board_controller_support import BoardController, SimulatedHardware
-from tests.bench.stage_support import arrived
+from tests.bench.stage_support import wait_for_arrival
 from tests.bench.wire_support import Served, Wire
 
 LAYOUT, PERIOD_S = Layout(2, 4), 0.005
@@ -70,9 +70,9 @@ def test_periods_come_until_it_is_stopped() -> None:
     assert got.number.tolist() == list(range(400))
     assert np.array_equal(got.counts, counts(got.number))
     assert board.losses == Losses()
-    assert controller.lit
+    assert controller.sampling
     board.close()
-    assert not controller.lit
+    assert not controller.sampling
     clock.sleep(1.0)
     assert len(board.read()) == 0
 
@@ -96,11 +96,11 @@ def test_a_board_whose_host_is_gone_goes_dark() -> None:
     board, controller, wire, clock = made()
     board.start()
     listened(board, clock, 50)
-    assert controller.lit  # it is fed while it is read
+    assert controller.sampling  # it is fed while it is read
     heard_us = controller.hardware.at_us
     clock.sleep(2.5)
-    wire.instrument.answer(b"")
-    assert not controller.lit
+    wire.instrument.reply(b"")
+    assert not controller.sampling
     dark_us, emitter = controller.hardware.switched[-1]
     assert emitter == -1
     assert 0 < dark_us - heard_us < 1_000_000
@@ -113,11 +113,11 @@ def test_its_clock_is_asked_for_and_a_board_without_an_answer_is_left_alone() ->
     for until_s in (2500, 4300):  # the 4 bytes of its µs wrap meanwhile
         clock.sleep(until_s - clock.now_s())
         controller.hardware.at_us = until_s * 1_000_000
-        controller.core.hear(frame(ALIVE, 0, b""))
+        controller.core.receive(frame(ALIVE, 0, b""))
         listened(board, clock, 1)
     assert board.losses.dropped > 858_000  # what a board that is held up for so long has not sampled
     assert board.time_s() == pytest.approx(4300.1, abs=1e-6)
-    controller.keeps_time = False
+    controller.has_clock = False
     assert math.isnan(board.time_s() or 0.0)
     wire.faults.deaf = True
     asked = len(wire.sent)
@@ -138,7 +138,7 @@ def test_what_it_refuses_and_silence_are_reported() -> None:
             period_s=PERIOD_S,
             volts_per_count=1.0,
         )
-    wire.faults.gone = True
+    wire.faults.disconnected = True
     with pytest.raises(BenchError, match="disconnected"):
         board.read()
 
@@ -169,7 +169,7 @@ def test_what_the_core_samples_is_what_the_simulated_board_works_out_at_once(ben
 
     def simulated(seed: int) -> SimulatedBoard:
         return SimulatedBoard(
-            clock, quiet, swing, RoomLight(), np.random.default_rng(seed), layout=layout, period_s=PERIOD_S, ppm=0.0
+            clock, quiet, swing, AmbientLight(), np.random.default_rng(seed), layout=layout, period_s=PERIOD_S, ppm=0.0
         )
 
     whole, sampler = simulated(1), simulated(2)
@@ -193,16 +193,16 @@ def test_what_the_core_samples_is_what_the_simulated_board_works_out_at_once(ben
 def test_a_motor_on_the_board_makes_its_ramp_by_the_board_s_clock() -> None:
     board, controller, _, clock = made()
     stage = BoardStage(board, clock, steps_per_unit=100.0, acceleration=200.0)
-    homes: Homes = stage
+    homes: HomingStage = stage
     with pytest.raises(BenchError, match=r"no switch .*home = \"here\""):
-        make_known(stage, False, 0.0)
-    make_known(stage, "here", 0.5)
+        ensure_zero(stage, False, 0.0)
+    ensure_zero(stage, "here", 0.5)
     assert (homes.referenced, stage.position()) == (True, 0.5)
     board.start()
     stage.begin_move(3.5, 15.0)
     with pytest.raises(BenchError, match="move: cannot be done"):
         stage.begin_move(0.0, 15.0)
-    assert arrived(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 200.0, abs=0.02)
+    assert wait_for_arrival(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 200.0, abs=0.02)
     assert stage.position() == 3.5
     at_us, steps = np.array(controller.hardware.steps).T
     move = Move(0.0, 0.5, 3.5, 15.0, 200.0)
@@ -224,6 +224,6 @@ def test_a_motor_on_the_board_makes_its_ramp_by_the_board_s_clock() -> None:
     for target, velocity, name in ((3e7, 1.0, "position"), (0.0, 1e5, "velocity"), (math.nan, 1.0, "position")):
         with pytest.raises(BenchError, match=f"{name} must be .* 32 bits"):
             stage.begin_move(target, velocity)
-    controller.hardware.most_steps_per_s = 0
+    controller.hardware.max_steps_per_s = 0
     with pytest.raises(BenchError, match="has no motor"):
         stage.position()

@@ -10,7 +10,7 @@ import pytest
 from solen.analysis import study
 from solen.bench.board import BoardStage, SerialBoard
 from solen.bench.drivers import DRIVERS
-from solen.bench.firmware.written import CONVERTERS
+from solen.bench.firmware.boards import BOARD_VALUES
 from solen.bench.frames import FrameReader, Layout
 from solen.bench.link import open_link
 from solen.bench.record import record
@@ -47,13 +47,13 @@ def to_the_figure(
     bench: Path, kind: str, line: list[str], log: Path, cycles: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The paper's turn on a board with a motor; then its host falls silent."""
-    from tests.bench.pty_support import SlowClock, on_a_pty
+    from tests.bench.pty_support import SlowClock, on_pty
 
     monkeypatch.setattr("solen.bench.record.WallClock", SlowClock)
-    bits, range_v, baud = CONVERTERS[kind]
+    bits, range_v, baud = BOARD_VALUES[kind]
     text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", f"cycles = {cycles}")
     (bench / "protocol.toml").write_text(text, encoding="utf-8")
-    with on_a_pty(line, log.parent, log) as port:
+    with on_pty(line, log.parent, log) as port:
         rig = RIG.format(port=port, bits=bits, range_v=range_v, baud=baud)
         (bench / "wired.toml").write_text(rig, encoding="utf-8")
         found = record(bench / "protocol.toml", bench / "wired.toml", bench / "out")
@@ -96,18 +96,18 @@ def goes_dark(port: str, baud: int, log: Path) -> None:
 
 
 def test_a_pico_samples_and_goes_dark_by_itself(tmp_path: Path) -> None:
-    from tests.bench.pty_support import on_a_pty, pico
+    from tests.bench.pty_support import on_pty, pico
 
     log = tmp_path / "log"
-    with on_a_pty(pico(tmp_path), tmp_path, log) as port:
+    with on_pty(pico(tmp_path), tmp_path, log) as port:
         goes_dark(port, 115_200, log)
 
 
 def test_a_servo_on_a_board_of_its_own_is_a_stage(tmp_path: Path) -> None:
-    from tests.bench.pty_support import SlowClock, on_a_pty, pico
+    from tests.bench.pty_support import SlowClock, on_pty, pico
 
     log, clock = tmp_path / "log", SlowClock()
-    with on_a_pty(pico(tmp_path, servo=True), tmp_path, log) as port:
+    with on_pty(pico(tmp_path, servo=True), tmp_path, log) as port:
         daq = {"driver": "nidaqmx", "device": "Dev1"}
         stage = {"driver": "board", "port": port, "baud": 115_200, "steps_per_unit": 11.1, "home": "here"}
         rig = Rig(name="servo beside a data acquisition", stage=stage, daq=daq, sensor=(SENSOR,))
@@ -166,13 +166,13 @@ MANY = 1_000_000
     ],
 )
 def test_frames_of_the_core_through_a_faulty_line(tmp_path: Path, count: int, by: str) -> None:
-    from tests.bench.pty_support import on_a_pty, torrent
+    from tests.bench.pty_support import on_pty, stream
 
     taken, wrong, last = 0, 0, -1
-    line = torrent(tmp_path, count, by_micropython=by == "MicroPython")
+    line = stream(tmp_path, count, by_micropython=by == "MicroPython")
     if isinstance(line, str):
         pytest.skip(line)
-    with on_a_pty(line, tmp_path, tmp_path / "log") as port:
+    with on_pty(line, tmp_path, tmp_path / "log") as port:
         link, reader = open_link(port), FrameReader(Layout(1, 2))
         while data := link.read(1 << 16, 20.0):
             found = reader.feed(data)

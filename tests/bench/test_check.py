@@ -15,13 +15,13 @@ import pytest
 import solen.cli
 import solen.cli.bench.look  # noqa: F401  registers its lines
 from solen.arrays import FloatArray
-from solen.bench.check import CheckOptions, JogOptions, RigCheck, check, jog, judged
+from solen.bench.check import CheckOptions, JogOptions, RigCheck, check, jog, rig_check
 from solen.bench.clock import WallClock
-from solen.bench.live import REACH, InputReadings
+from solen.bench.live import TRACED_RANGE, InputReadings
 from solen.bench.record import record
 from solen.bench.rig import Rig, load_rig
 from solen.bench.simulated.sensors import simulated_sensors
-from solen.bench.watch import Seen, WatchOptions, watch
+from solen.bench.watch import LiveReading, WatchOptions, watch
 from solen.cli.app import lines
 from solen.errors import BenchError, SpecError
 from solen.pipeline.bench.record import new
@@ -56,7 +56,7 @@ def looked(change: Any = None, noise_V: float = 0.003) -> RigCheck:
     rng = np.random.default_rng(3)
     levels = np.minimum(off + room[:, None, None] + rng.normal(0.0, 1e-4, (200, 2, 4)), TOP_V)
     signal = pull + rng.normal(0.0, noise_V, (200, 2, 4))
-    return judged(RIG, InputReadings(np.linspace(0.0, 0.995, 200), signal, levels, levels == TOP_V, 0.0, TOP_V))
+    return rig_check(RIG, InputReadings(np.linspace(0.0, 0.995, 200), signal, levels, levels == TOP_V, 0.0, TOP_V))
 
 
 def test_a_good_rig_has_no_faults() -> None:
@@ -167,7 +167,7 @@ def test_a_simulated_rig_is_looked_over_and_watched(bench: Path, kind: str) -> N
     others = [found.answers_V[0][2:], found.answers_V[1][:2]]
     assert np.min(own) > 0.3
     assert np.abs(others).max() < 0.05
-    seen: list[Seen] = []
+    seen: list[LiveReading] = []
     told = watch(rig, WatchOptions(seconds=0.5), seen.append)
     assert told.looks == len(seen) >= 4
     assert seen[0].signal_V["A"]["right"] == pytest.approx(found.sensors["A"]["right"].signal_V, abs=0.05)
@@ -187,7 +187,7 @@ def changed(bench: Path, *changes: tuple[str, str]) -> Path:
 def in_light(rig_file: Path) -> tuple[RigCheck, FloatArray]:
     """A rig that is looked over for 10 s, and the formula's noise of a reading: sensors by right and left."""
     rig = load_rig(rig_file)
-    sensors = simulated_sensors(rig, rig_file.parent, REACH["deg"], np.random.default_rng([rig.seed, 0]))
+    sensors = simulated_sensors(rig, rig_file.parent, TRACED_RANGE["deg"], np.random.default_rng([rig.seed, 0]))
     levels = [
         [noise(one.circuit, share, rig.ambient.mean_mw_cm2).before_V for share in (one.at(np.zeros(1))[0], np.zeros(2))]
         for one in sensors
@@ -236,7 +236,7 @@ def test_switching_slower_than_a_look_leaves_no_gaps(bench: Path, setup: str) ->
     found = check(rig, CheckOptions(seconds=2.0))
     assert found.periods >= 15
     assert np.isfinite(found.answers_V).all()
-    seen: list[Seen] = []
+    seen: list[LiveReading] = []
     assert watch(rig, WatchOptions(seconds=1.0, every_s=0.02), seen.append).looks >= 3
     assert np.isfinite([[*one.signal_V["A"].values(), *one.off_V["B"].values()] for one in seen]).all()
 
@@ -262,12 +262,12 @@ def test_levels_where_a_converter_is_not_straight_are_warned_of(bench: Path) -> 
 
 @pytest.mark.parametrize("seconds", [0.05, 0.001])
 def test_a_short_watch_has_a_look(bench: Path, seconds: float) -> None:
-    seen: list[Seen] = []
+    seen: list[LiveReading] = []
     assert watch(bench / "rig.toml", WatchOptions(seconds=seconds), seen.append).looks == len(seen) == 1
 
 
 def test_ctrl_c_ends_watching(bench: Path) -> None:
-    def enough(_: Seen) -> None:
+    def enough(_: LiveReading) -> None:
         raise KeyboardInterrupt
 
     assert watch(bench / "rig.toml", WatchOptions(), enough).looks == 1

@@ -27,12 +27,12 @@ from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.phases import clock_of, states
 from solen.bench.protocol import load_protocol
 from solen.bench.record import RecordOptions, record, recover
-from solen.bench.rig import Rig, RoomLight, load_rig
+from solen.bench.rig import AmbientLight, Rig, load_rig
 from solen.bench.roles import Daq, EmitterBoard
 from solen.bench.run import Instruments, begin, run
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.daq import SimulatedDaq, settling
-from solen.bench.simulated.sensors import SimulatedSensor, converter, simulated_sensors
+from solen.bench.simulated.sensors import SimulatedSensor, adc_of, simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, DataError
 from solen.readout import lagged, volts
@@ -41,7 +41,7 @@ from solen.spec.toml import dumps
 from tests.bench.rig_support import PROTOCOL, RIG
 from tests.bench.test_kills import Killed, killed
 
-DARK, ROOM = RoomLight(), RoomLight(mean_mw_cm2=0.05)
+DARK, ROOM = AmbientLight(), AmbientLight(mean_mw_cm2=0.05)
 DAQS = {
     "counter": 'switching = "counter"',
     "sync": 'sync = "ai8"',
@@ -65,7 +65,7 @@ class Bench:
         path = self.folder / "other.toml"
         path.write_text(daq_rig(more), encoding="utf-8")
         rig = load_rig(path)
-        return rig, tuple(replace(one, circuit=replace(one.circuit, adc=converter(rig))) for one in self.prints)
+        return rig, tuple(replace(one, circuit=replace(one.circuit, adc=adc_of(rig))) for one in self.prints)
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[RecordedRun,
 
 
 def daq_of(
-    rig: Rig, prints: tuple[SimulatedSensor, ...], room: RoomLight = DARK, kind: type[SimulatedDaq] = SimulatedDaq
+    rig: Rig, prints: tuple[SimulatedSensor, ...], room: AmbientLight = DARK, kind: type[SimulatedDaq] = SimulatedDaq
 ) -> Make:
     setup = rig.setup
     assert setup is not None
@@ -140,7 +140,7 @@ def test_settling_is_the_lag_of_a_first_order_step_by_step() -> None:
 
 def test_what_is_sampled_late_in_a_phase_is_what_the_circuit_says(made: Bench) -> None:
     rig, prints = made.of(DAQS["counter"])
-    clock, room = SimulatedClock(), RoomLight(mean_mw_cm2=0.05)
+    clock, room = SimulatedClock(), AmbientLight(mean_mw_cm2=0.05)
     daq = daq_of(rig, prints, room)(clock, lambda time_s: np.full(len(time_s), 1.0))
     assert isinstance(daq, SimulatedDaq)
     daq.start()
@@ -263,7 +263,7 @@ def board(made: Bench) -> Path:
 def test_board_and_data_acquisition_give_the_same_curves_within_noise(made: Bench, board: Path, kind: str) -> None:
     rig, prints = made.of(DAQS[kind])
     done, path = recorded(made, rig, daq_of(rig, prints, ROOM), kind)
-    assert done.remarks == ()
+    assert done.cautions == ()
     both = [study([one]).to_dict()["sensors"] for one in (board, path)]
     for name in ("A", "B"):
         for side in ("right", "left"):
@@ -338,8 +338,8 @@ class Overrun(SimulatedDaq):
         if samples.first > 10_000 and len(samples.counts) > 0 and self.losses.overruns == 0:
             self.losses.overruns, self.losses.samples = 1, len(samples.counts)
             self._begun_s, self._next, self._gap = self.clock.now_s(), 0, True
-            return replace(samples, stretch=1, first=0, counts=samples.counts[:0], remarks=("some were overwritten",))
-        return replace(samples, stretch=self.losses.overruns)
+            return replace(samples, segment=1, first=0, counts=samples.counts[:0], notices=("some were overwritten",))
+        return replace(samples, segment=self.losses.overruns)
 
 
 def test_after_a_gap_readings_go_on_and_the_gap_is_reported(made: Bench) -> None:
@@ -360,7 +360,7 @@ def test_after_a_gap_readings_go_on_and_the_gap_is_reported(made: Bench) -> None
     late = (time > time[np.argmax(steps)] + 0.01) & (np.abs(read["angle_deg"] + 3.0) < 1e-6)
     expected = volts(one.at(np.array([-3.0])), one.circuit) - volts(np.zeros((1, 2)), one.circuit)
     assert read["right"][late].mean() == pytest.approx(expected[0, 0], abs=1e-4)
-    assert done.remarks == ("some were overwritten",)
+    assert done.cautions == ("some were overwritten",)
 
 
 def test_emitters_that_do_not_switch_give_no_reading_and_the_file_says_so(made: Bench) -> None:
@@ -374,9 +374,9 @@ def test_emitters_that_do_not_switch_give_no_reading_and_the_file_says_so(made: 
 
     done, path = recorded(made, rig, daq_of(rig, prints, kind=Unplugged), "unplugged")
     assert done.sensors == {"A": 0, "B": 0}
-    assert "sync; changes by only 0 V" in done.remarks[0]
+    assert "sync; changes by only 0 V" in done.cautions[0]
     with h5netcdf.File(path, "r") as file:
-        assert json.loads(file.attrs["remarks"]) == list(done.remarks)
+        assert json.loads(file.attrs["remarks"]) == list(done.cautions)
         assert file.variables["counts"].shape[0] > 10_000
 
 
@@ -390,7 +390,7 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
     held = np.abs(read["angle_deg"] + 3.0) < 1e-6
     expected = volts(single.at(np.array([-3.0])), single.circuit) - volts(np.zeros((1, 2)), single.circuit)
     assert [read[side][held].mean() for side in ("right", "left")] == pytest.approx(expected[0], abs=1e-4)
-    assert done.remarks == ()
+    assert done.cautions == ()
 
 
 # rigs and runs

@@ -11,6 +11,7 @@ from solen.bench.firmware.solen_board import (
     CONFIGURE,
     HALT,
     IDENTIFY,
+    INVALID,
     MOVE,
     NO_MOTOR,
     PLACE,
@@ -18,12 +19,11 @@ from solen.bench.firmware.solen_board import (
     STOP,
     TIME,
     UNCONFIGURED,
-    UNFIT,
     UNKNOWN,
     WHERE,
 )  # fmt: skip
-from solen.bench.frames import ANSWER, HEAD, SAMPLES, FrameReader, Layout
-from tests.bench.firmware_support import Script, by_c, by_micropython, by_python, command, micropython, python_source
+from solen.bench.frames import HEAD, REPLY, SAMPLES, FrameReader, Layout
+from tests.bench.firmware_support import Script, run_c, by_micropython, run_python, command, micropython, python_source
 
 LAYOUT = Layout(3, 4)
 SCRIPT = Script(
@@ -53,11 +53,11 @@ SCRIPT = Script(
 
 def check(frames: list[bytes]) -> None:
     """What must come of `SCRIPT`."""
-    answers = [data[10:-2] for data in frames if data[3] == ANSWER]
-    kinds = [(data[0], data[1]) for data in answers]
+    replies = [data[10:-2] for data in frames if data[3] == REPLY]
+    kinds = [(data[0], data[1]) for data in replies]
     assert kinds == [
-        (START, UNCONFIGURED), (IDENTIFY, 0), (CONFIGURE, UNFIT), (CONFIGURE, 0), (START, 0), (99, UNKNOWN), (TIME, 0),
-        (PLACE, 0), (MOVE, 0), (WHERE, 0), (MOVE, UNFIT), (HALT, 0), (WHERE, 0), (MOVE, UNFIT), (STOP, 0), (START, 0),
+        (START, UNCONFIGURED), (IDENTIFY, 0), (CONFIGURE, INVALID), (CONFIGURE, 0), (START, 0), (99, UNKNOWN), (TIME, 0),
+        (PLACE, 0), (MOVE, 0), (WHERE, 0), (MOVE, INVALID), (HALT, 0), (WHERE, 0), (MOVE, INVALID), (STOP, 0), (START, 0),
         (WHERE, 0),
     ]  # fmt: skip
     periods = [data for data in frames if data[3] == SAMPLES]
@@ -75,7 +75,7 @@ def check(frames: list[bytes]) -> None:
 
 def where(frames: list[bytes]) -> list[tuple[int, int]]:
     """Positions and whether it moved, as they were asked for."""
-    found = [data[12:-2] for data in frames if data[3] == ANSWER and data[10] == WHERE]
+    found = [data[12:-2] for data in frames if data[3] == REPLY and data[10] == WHERE]
     return [(int.from_bytes(one[4:8], "little", signed=True), one[8]) for one in found]
 
 
@@ -95,16 +95,16 @@ def alike(ours: list[bytes], theirs: list[bytes]) -> None:
 
 
 def test_the_core_under_python() -> None:
-    frames = by_python(SCRIPT)
+    frames = run_python(SCRIPT)
     check(frames)
     check_motor(frames)
 
 
 def test_the_core_in_c_says_the_same(tmp_path: Path) -> None:
-    frames = by_c(SCRIPT, tmp_path)
+    frames = run_c(SCRIPT, tmp_path)
     if frames is None:
         pytest.skip("there is no C compiler")
-    alike(by_python(SCRIPT), frames)
+    alike(run_python(SCRIPT), frames)
 
 
 def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -
             *((minutes * minute_ms, command(WHERE)) for minutes in (70.0, 75.0, 150.0, 168.0)),
         )
     )
-    frames = by_c(long, tmp_path, idle_us=100_000)
+    frames = run_c(long, tmp_path, idle_us=100_000)
     if frames is None:
         pytest.skip("there is no C compiler")
     places = where(frames)
@@ -127,7 +127,7 @@ def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -
 def test_steps_that_a_stall_missed_are_made_up_no_faster_than_the_motor_takes(tmp_path: Path) -> None:
     asked = (command(MOVE, "<iII", 1000, 1_000_000, 100_000), b"", None, *[command(WHERE)] * 3)
     script = Script(tuple(zip((1.0, 100.0, 150.0, 150.0, 152.0, 300.0), asked, strict=True)))
-    for frames in (by_python(script), by_c(script, tmp_path)):
+    for frames in (run_python(script), run_c(script, tmp_path)):
         if frames is not None:
             before, soon, late = (at for at, _ in where(frames))
             assert 9 <= soon - before <= 11  # a step per 200 µs, where the loop takes 100
@@ -140,7 +140,7 @@ def test_the_core_under_micropython_says_the_same(tmp_path: Path) -> None:
     if isinstance(command_line, str):
         pytest.skip(command_line)
     frames = by_micropython(command_line, python_source(SCRIPT))
-    alike(by_python(SCRIPT), frames)
+    alike(run_python(SCRIPT), frames)
     version = subprocess.run(
         command_line, input="import sys; print(sys.version)", capture_output=True, text=True, check=True
     )
@@ -149,7 +149,7 @@ def test_the_core_under_micropython_says_the_same(tmp_path: Path) -> None:
 
 
 def test_a_board_without_a_motor_says_so() -> None:
-    source = python_source(Script(((1.0, command(WHERE)),))).replace("most_steps_per_s = 5000", "most_steps_per_s = 0")
+    source = python_source(Script(((1.0, command(WHERE)),))).replace("max_steps_per_s = 5000", "max_steps_per_s = 0")
     shown: list[str] = []
     exec(source, {"__name__": "replay", "print": shown.append})  # noqa: S102
     assert bytes.fromhex(shown[0])[10:12] == bytes((WHERE, NO_MOTOR))

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solen.bench.frames import (
-    ANEW,
-    ANSWER,
     HEAD,
+    REPLY,
+    RESTARTED,
     SAMPLES,
     FrameReader,
     Layout,
@@ -115,7 +115,7 @@ def test_a_board_that_restarts_is_noticed() -> None:
     after = reader.feed(b"".join(frames(periods(10))))
     assert reader.losses == Losses(doubled=2, restarts=1)
     assert after.number.tolist() == list(range(150, 158))
-    assert after.flags.tolist() == [ANEW] + [0] * 7
+    assert after.flags.tolist() == [RESTARTED] + [0] * 7
     assert after.board_us.tolist() == periods(10).board_us[2:].tolist()  # its clock began anew as well
 
 
@@ -133,8 +133,8 @@ def test_answers_and_frames_of_others_are_kept_apart() -> None:
     version = bytearray(frames(periods(1))[0])
     version[2] = 9
     version[-2:] = checksum(bytes(version[2:-2])).to_bytes(2, "little")
-    got = reader.feed(frame(ANSWER, 0, b"ok") + other + bytes(version) + frame(SAMPLES, 0, b"") + frames(periods(1))[0])
-    assert reader.answers == [b"ok"]
+    got = reader.feed(frame(REPLY, 0, b"ok") + other + bytes(version) + frame(SAMPLES, 0, b"") + frames(periods(1))[0])
+    assert reader.replies == [b"ok"]
     assert reader.losses == Losses(other=3)
     assert len(got) == 1
 

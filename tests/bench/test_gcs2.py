@@ -5,13 +5,13 @@ import pytest
 
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.gcs2 import Gcs2Stage
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.link import open_link
-from solen.bench.roles import Homes, Stage
+from solen.bench.roles import HomingStage, Stage
 from solen.bench.simulated.stage import Axis, Move
 from solen.errors import BenchError
 from tests.bench.gcs2_controller_support import Gcs2Controller
-from tests.bench.stage_support import Written
+from tests.bench.stage_support import Dialogue
 from tests.bench.wire_support import Faults, Served, Wire
 
 HELLO = [
@@ -49,7 +49,7 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
         (b"ERR?\n", b"10\n"),
         (b"\x05", b"0\n"),
     ]
-    link = Written(HELLO + more)
+    link = Dialogue(HELLO + more)
     stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
     stage.reference()
     stage.begin_move(-3.0, 15.0)
@@ -63,11 +63,11 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
 
 
 def test_answers_of_several_lines_and_addresses() -> None:
-    link = Written(
+    link = Dialogue(
         [*((b"3 " + sent, b"0 3 " + got if got else got) for sent, got in HELLO), (b"3 HLP?\n", b"0 3 a \nb \nc\n")]
     )
     stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG", address=3)
-    assert stage.ask("HLP?") == ["a", "b", "c"]
+    assert stage.query("HLP?") == ["a", "b", "c"]
 
 
 def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, SimulatedClock]:
@@ -105,11 +105,11 @@ def test_a_stage_is_referenced_moved_and_stopped() -> None:
 
 def test_where_it_stands_can_be_taken_for_a_position() -> None:
     stage, controller, _, clock = driven()
-    homes: Homes = stage
+    homes: HomingStage = stage
     assert homes.name
-    make_known(stage, "here", 2.5)
+    ensure_zero(stage, "here", 2.5)
     assert (stage.referenced, stage.position(), controller.axis.moves) == (True, 2.5, [])
-    make_known(stage, False, 0.0)  # it is known now
+    ensure_zero(stage, False, 0.0)  # it is known now
     stage.begin_move(3.0, 15.0)
     assert arrive(stage, clock) < 1.0
 
@@ -156,7 +156,7 @@ def test_another_stage_another_instrument_and_an_unknown_one() -> None:
         Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-060.DG")
     with pytest.raises(BenchError, match=r"^stage = 'M-1'; .*known are M-060\.DG, M-111\.1DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
-    link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
+    link = Dialogue([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
     with pytest.raises(BenchError, match=r"'ACME, 1, 2' .*; .*PI"):
         Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
 
@@ -175,7 +175,7 @@ def test_silence_garbage_and_a_pulled_plug_are_reported_in_one_line() -> None:
     wire.faults.garbage = b"%&$\n"
     with pytest.raises(BenchError, match=r"answered '%&\$' to POS\?"):
         stage.position()
-    wire.faults.gone = True
+    wire.faults.disconnected = True
     with pytest.raises(BenchError, match="disconnected"):
         stage.position()
 
@@ -192,7 +192,7 @@ def test_over_a_socket_as_over_a_port() -> None:
     faults = Faults()
     with Served(Gcs2Controller(clock, reference_s=0.05), faults) as served:
         link = open_link(served.url)
-        stage = Gcs2Stage(link, clock, stage="M-060.DG", answer_s=0.5)
+        stage = Gcs2Stage(link, clock, stage="M-060.DG", timeout_s=0.5)
         stage.reference()
         stage.begin_move(0.5, 15.0)
         while not stage.on_target():
@@ -203,7 +203,7 @@ def test_over_a_socket_as_over_a_port() -> None:
             stage.position()
         faults.deaf = False
         assert stage.position() == 0.5
-        faults.gone = True
+        faults.disconnected = True
         clock.sleep(0.1)
         with pytest.raises(BenchError, match=r"disconnected|no answer"):
             stage.position()

@@ -5,12 +5,12 @@ import pytest
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS
 from solen.bench.grbl import GrblStage
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.link import open_link
-from solen.bench.roles import Homes, Stage
+from solen.bench.roles import HomingStage, Stage
 from solen.errors import BenchError
 from tests.bench.grbl_controller_support import GrblController
-from tests.bench.stage_support import Written, arrived, rig_with
+from tests.bench.stage_support import Dialogue, wait_for_arrival, rig_with
 from tests.bench.wire_support import Served, Wire
 
 IDLE = b"<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>\r\n"
@@ -40,8 +40,8 @@ def test_what_is_said_is_the_wiki_s() -> None:
         (b"\x85", b""),
         (b"?", b"<Idle|MPos:-3.000,0.000,0.000|FS:0,0>\r\n"),
     ]
-    stage = GrblStage(Written(HELLO + more), SimulatedClock())
-    make_known(stage, "here", 0.0)
+    stage = GrblStage(Dialogue(HELLO + more), SimulatedClock())
+    ensure_zero(stage, "here", 0.0)
     stage.begin_move(-3.0, 15.0)
     assert stage.position() == -1.234
     assert [stage.on_target(), stage.on_target()] == [False, True]
@@ -52,17 +52,17 @@ def test_what_is_said_is_the_wiki_s() -> None:
 
 def test_it_moves_from_where_it_stands_and_stops() -> None:
     stage, controller, clock, _ = driven()
-    controller.axis.rest = 12.0
-    homes: Homes = stage
+    controller.axis.initial = 12.0
+    homes: HomingStage = stage
     assert homes.name
     with pytest.raises(BenchError, match=r"no switch .*home = \"here\""):
-        make_known(stage, False, 0.0)
+        ensure_zero(stage, False, 0.0)
     with pytest.raises(BenchError, match="error:5, homing is not enabled"):
         stage.reference()
-    make_known(stage, "here", 0.5)
+    ensure_zero(stage, "here", 0.5)
     assert (stage.position(), controller.moved) == (0.5, [])
     stage.begin_move(3.5, 15.0)
-    assert arrived(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0, abs=0.02)
+    assert wait_for_arrival(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0, abs=0.02)
     assert (stage.position(), controller.axis.at(clock.now_s())) == (3.5, 15.0)
     stage.begin_move(-3.0, 15.0)
     clock.sleep(0.2)
@@ -78,7 +78,7 @@ def test_it_moves_from_where_it_stands_and_stops() -> None:
 def test_a_run_is_not_resumed_from_wherever_it_stands() -> None:
     stage, controller, _, _ = driven()
     with pytest.raises(BenchError, match=r"lost its zero since the run began; .*recover"):
-        make_known(stage, "here", 0.0, resumed=True)
+        ensure_zero(stage, "here", 0.0, resumed=True)
     assert not controller.moved
 
 
@@ -94,7 +94,7 @@ def test_a_rig_opens_it_by_its_table() -> None:
 def test_homing_is_waited_for_and_a_stop_on_the_way_is_seen() -> None:
     stage, controller, clock, _ = driven(homing=True)
     assert "by up to 200 deg" in stage.search
-    make_known(stage, True, 0.0)
+    ensure_zero(stage, True, 0.0)
     assert (stage.referenced, stage.position()) == (True, -1.0)
     stage.begin_move(3.0, 15.0)
     clock.sleep(0.1)
@@ -113,9 +113,9 @@ def test_what_is_no_grbl_is_refused() -> None:
     clock = SimulatedClock()
     other = [*HELLO[:2], (b"$I\n", b"[VER:0.9j]\r\nok\r\n")]
     with pytest.raises(BenchError, match=r"'\[VER:0\.9j\]'"):
-        GrblStage(Written(other), clock)
+        GrblStage(Dialogue(other), clock)
     with pytest.raises(BenchError, match=r"\$10=1"):
-        GrblStage(Written([(b"?", b"<Idle|WPos:0.000,0.000,0.000>\r\n")] * 200), clock)
+        GrblStage(Dialogue([(b"?", b"<Idle|WPos:0.000,0.000,0.000>\r\n")] * 200), clock)
     with pytest.raises(BenchError, match=r"hello.* not a state"):
         GrblStage(_Chatty(), _Hasty())
     _, _, clock, wire = driven()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from solen.analysis.demodulation import slots_of, subtract
-from solen.bench.readings import Converter, subtracted
+from solen.bench.readings import BoardAdc, demodulated
 from solen.bench.simulated.stage import Axis
 from solen.pipeline.bench.record import new
 
@@ -32,7 +32,7 @@ def test_a_sensor_s_own_phases_give_what_all_phases_give(emitters: int, emitter:
     rng, periods = np.random.default_rng(2), 60
     counts = rng.integers(0, 65536, (periods, emitters, 2, 4), dtype=np.uint16)
     time_s = np.delete(np.arange(periods + 3) * 0.005, [20, 21, 40])  # three periods are lost
-    found = subtracted(counts, time_s, emitter, [2, 1], Converter(0.005, 5.0 / 65536, 65535))
+    found = demodulated(counts, time_s, emitter, [2, 1], BoardAdc(0.005, 5.0 / 65536, 65535))
     phases = 2 * emitters
     time = (time_s[:, None] + (np.arange(phases) + 1.0) / phases * 0.005).ravel()
     state = np.tile(np.where(np.arange(phases) % 2, 0, 1 + np.arange(phases) // 2), periods)

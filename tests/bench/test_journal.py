@@ -61,7 +61,7 @@ def test_cut_anywhere_it_gives_what_was_whole(tmp_path: Path) -> None:
         found = read_journal(cut)
         board = found.streams["board"]
         assert np.array_equal(board, rows(0, len(board)))
-        assert found.whole_bytes + found.lost_bytes == length
+        assert found.complete_bytes + found.lost_bytes == length
         seen.add(len(board))
     assert seen == {0, 10, 15}
 

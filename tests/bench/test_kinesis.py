@@ -10,12 +10,12 @@ import pytest
 
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.kinesis import KinesisStage, message_of
-from solen.bench.roles import Homes
+from solen.bench.roles import HomingStage
 from solen.errors import BenchError
-from tests.bench.kinesis_controller_support import KinesisController, said
-from tests.bench.stage_support import Written, arrived, rig_with
+from tests.bench.kinesis_controller_support import KinesisController, message
+from tests.bench.stage_support import Dialogue, wait_for_arrival, rig_with
 from tests.bench.wire_support import Served, Wire
 
 PRM1_Z8, K10CR1 = 1919.6418578623391, 409_600 / 3.0
@@ -71,9 +71,9 @@ def test_what_is_said_is_the_document_s() -> None:
         (hexed("65 04 01 02 50 01"), hexed("66 04 0E 00 81 50") + bytes(14)),
         (ASK, status(34_555, 0x8000_0400)),
     ]
-    stage = KinesisStage(Written(HELLO + more), SimulatedClock(), counts_per_unit=34_554.96, unit="mm")
+    stage = KinesisStage(Dialogue(HELLO + more), SimulatedClock(), counts_per_unit=34_554.96, unit="mm")
     assert stage.identity == "KDC101 27000001"
-    make_known(stage, True, 0.0)
+    ensure_zero(stage, True, 0.0)
     stage.begin_move(1.0, 1.0)
     assert stage.position() == pytest.approx(0.5, abs=1e-4)
     assert stage.on_target()
@@ -83,17 +83,17 @@ def test_what_is_said_is_the_document_s() -> None:
 @pytest.mark.parametrize("kind", [{}, STEPPER, {"model": b"KBD101", "scale": 65536 * 102.4e-6, "per_unit": 4000.0}])
 def test_it_is_homed_when_allowed_moved_and_stopped(kind: dict[str, object]) -> None:
     stage, controller, clock, _ = driven(**kind)
-    homes: Homes = stage
+    homes: HomingStage = stage
     assert homes.name
     with pytest.raises(BenchError, match="by up to 360 deg"):
-        make_known(stage, False, 0.0)
+        ensure_zero(stage, False, 0.0)
     assert not controller.axis.moves
-    make_known(stage, True, 0.0)
+    ensure_zero(stage, True, 0.0)
     assert (stage.referenced, stage.position()) == (True, 0.0)
     for target in (3.0, -3.0):  # no move passes its target, to take up play
         way = abs(target - stage.position())
         stage.begin_move(target, 10.0)
-        assert arrived(stage, clock) == pytest.approx(way / 10.0 + 10.0 / 200.0, abs=0.02)
+        assert wait_for_arrival(stage, clock) == pytest.approx(way / 10.0 + 10.0 / 200.0, abs=0.02)
         assert stage.position() == pytest.approx(target, abs=1.0 / controller.per_unit)
     stage.begin_move(3.0, 10.0)
     clock.sleep(0.2)
@@ -109,23 +109,23 @@ def test_it_is_homed_when_allowed_moved_and_stopped(kind: dict[str, object]) -> 
 
 def test_where_it_stands_is_taken_for_zero_and_nothing_moves() -> None:
     stage, controller, clock, _ = driven()
-    make_known(stage, "here", 1.0)
+    ensure_zero(stage, "here", 1.0)
     assert stage.position() == pytest.approx(1.0)
     assert not controller.axis.moves
     stage.begin_move(-1.0, 15.0)
-    arrived(stage, clock)
+    wait_for_arrival(stage, clock)
     assert controller.axis.at(clock.now_s()) == pytest.approx(35.0 * PRM1_Z8, abs=1.0)
 
 
 def test_a_short_move_has_not_ended_before_it_begins() -> None:
     stage, controller, clock, _ = driven()
-    make_known(stage, "here", 0.0)
+    ensure_zero(stage, "here", 0.0)
     controller.stuck = True  # what it states until it begins
     stage.begin_move(0.009, 15.0)
     assert not stage.on_target()
     controller.stuck = False
     stage.begin_move(0.009, 15.0)
-    arrived(stage, clock)
+    wait_for_arrival(stage, clock)
     assert stage.position() == pytest.approx(0.009, abs=2.0 / PRM1_Z8)
     controller.stuck = True
     stage.begin_move(0.0, 15.0)
@@ -135,8 +135,8 @@ def test_a_short_move_has_not_ended_before_it_begins() -> None:
 
 def test_faults_of_the_stage_and_of_the_line_end_in_a_line() -> None:
     stage, controller, clock, wire = driven()
-    make_known(stage, "here", 0.0)
-    controller.unasked = said(0x0464, bytes(14)) + said(0x0444, first=1)  # a move and a homing that ended
+    ensure_zero(stage, "here", 0.0)
+    controller.unsolicited = message(0x0464, bytes(14)) + message(0x0444, first=1)  # a move and a homing that ended
     assert stage.position() == 0.0
     controller.stuck = True
     stage.begin_move(3.0, 15.0)
@@ -147,7 +147,7 @@ def test_faults_of_the_stage_and_of_the_line_end_in_a_line() -> None:
     controller.bits |= 0x4000
     with pytest.raises(BenchError, match="motion error"):
         stage.on_target()
-    controller.unasked = said(0x0081, struct.pack("<HH64s", 0x0453, 7, b"the channel is off"))
+    controller.unsolicited = message(0x0081, struct.pack("<HH64s", 0x0453, 7, b"the channel is off"))
     with pytest.raises(BenchError, match="the channel is off"):
         stage.position()
     wire.faults.deaf = True
@@ -165,14 +165,14 @@ def test_a_controller_that_is_not_known_is_refused() -> None:
     with pytest.raises(BenchError, match=r"is a TIM101 27000001; supported are TDC001, .*; use one of these"):
         driven(model=b"TIM101")
     with pytest.raises(BenchError, match="answered 12 bytes instead of 84"):
-        KinesisStage(Written([HELLO[0], (HELLO[1][0], said(6, bytes(12)))]), SimulatedClock(), counts_per_unit=1.0)
+        KinesisStage(Dialogue([HELLO[0], (HELLO[1][0], said(6, bytes(12)))]), SimulatedClock(), counts_per_unit=1.0)
     stage, _, _, _ = driven(per_unit=1e8)
     with pytest.raises(BenchError, match=r"32 bits; check steps_per_unit"):
         stage.begin_move(30.0, 1e-3)
 
 
 def test_messages_are_cut_where_they_end() -> None:
-    both = said(0x0481, bytes(14)) + said(0x0444, first=1)
+    both = message(0x0481, bytes(14)) + message(0x0444, first=1)
     assert [message_of(both[:size]) for size in (3, 6, 19)] == [None] * 3
     assert message_of(both) == (both[:20], both[20:])
     assert message_of(both[20:]) == (both[20:], b"")
@@ -212,12 +212,12 @@ def test_it_is_driven_over_a_serial_line() -> None:
     tty.setraw(theirs)
     controller = KinesisController(WallClock(), **STEPPER)  # type: ignore[arg-type]
 
-    def answers() -> None:
+    def replies() -> None:
         with contextlib.suppress(OSError):  # the line is closed
             while True:
-                os.write(ours, controller.answer(os.read(ours, 4096)))
+                os.write(ours, controller.reply(os.read(ours, 4096)))
 
-    threading.Thread(target=answers, daemon=True).start()
+    threading.Thread(target=replies, daemon=True).start()
     rig = rig_with(driver="kinesis", port=os.ttyname(theirs), steps_per_unit=K10CR1, home=True)
     stage = DRIVERS["kinesis"].open(rig, WallClock())
     assert isinstance(stage, KinesisStage)

@@ -40,7 +40,7 @@ class Person(SimulatedClock):
         self.axis, self.asked, self._rng = Axis(50.0), 0, np.random.default_rng(seed)
         self._due_s, self._answered = math.inf, threading.Event()
 
-    def hear(self, line: str) -> None:
+    def receive(self, line: str) -> None:
         found = re.search(r"to ([+-][\d.]+) deg", line)
         assert found is not None
         self.asked += 1
@@ -64,7 +64,7 @@ class Person(SimulatedClock):
 @pytest.mark.parametrize(("every", "hold_s"), [(1, 0.1), (2, 0.5), (3, 0.1), (6, 0.1)])
 def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Path, every: int, hold_s: float) -> None:
     person = Person(seed=1)
-    stage = ManualStage("deg", person.hear, person.answer)
+    stage = ManualStage("deg", person.receive, person.answer)
     run = closed(tmp_path, stops(3, every, hold_s), stage, person, person.axis.positions)
     assert run.outcome == "done"
     assert person.asked == 3 * 24 // every + 1

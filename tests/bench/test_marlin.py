@@ -8,12 +8,12 @@ import pytest
 
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.marlin import MarlinStage
-from solen.bench.roles import Homes
+from solen.bench.roles import HomingStage
 from solen.bench.simulated.stage import Axis
 from solen.errors import BenchError
-from tests.bench.stage_support import Written, arrived, rig_with
+from tests.bench.stage_support import Dialogue, wait_for_arrival, rig_with
 from tests.bench.wire_support import Served, Wire
 
 
@@ -82,8 +82,8 @@ def test_what_is_said_is_the_reference_s() -> None:
         (b"G1 X3.0000 F900.000\n", b"Error:Printer halted. kill() called!\n"),
         (b"M410\n", b"ok\n"),
     ]
-    stage = MarlinStage(Written(turns), SimulatedClock())
-    make_known(stage, "here", 0.0)
+    stage = MarlinStage(Dialogue(turns), SimulatedClock())
+    ensure_zero(stage, "here", 0.0)
     stage.begin_move(-3.0, 15.0)
     assert stage.on_target()
     with pytest.raises(BenchError, match="kill"):
@@ -94,20 +94,20 @@ def test_what_is_said_is_the_reference_s() -> None:
 def test_a_board_that_could_not_stop_is_refused() -> None:
     said = b"FIRMWARE_NAME:Marlin 2.1.2\nCap:EMERGENCY_PARSER:0\nok\n"
     with pytest.raises(BenchError, match="EMERGENCY_PARSER"):
-        MarlinStage(Written([(b"M115\n", said)]), SimulatedClock())
+        MarlinStage(Dialogue([(b"M115\n", said)]), SimulatedClock())
 
 
 def test_it_has_a_position_at_rest_only_and_stops() -> None:
     stage, board, clock, _ = driven()
-    homes: Homes = stage
+    homes: HomingStage = stage
     with pytest.raises(BenchError, match="does not know its zero"):
         stage.begin_move(1.0, 15.0)
-    board.axis.rest = 12.0
-    make_known(stage, "here", 0.5)
+    board.axis.initial = 12.0
+    ensure_zero(stage, "here", 0.5)
     assert (homes.referenced, stage.position(), board.axis.moves) == (True, 0.5, [])
     stage.begin_move(3.5, 15.0)
     assert math.isnan(stage.position())
-    assert arrived(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0, abs=0.02)
+    assert wait_for_arrival(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0, abs=0.02)
     assert stage.position() == 3.5
     stage.stop()
     assert stage.referenced  # it stood
@@ -118,11 +118,11 @@ def test_it_has_a_position_at_rest_only_and_stops() -> None:
     clock.sleep(1.0)
     assert board.axis.at(clock.now_s()) == here
     assert not stage.referenced
-    make_known(stage, True, 0.0)
+    ensure_zero(stage, True, 0.0)
     board.soft = 2.0
     stage.begin_move(3.0, 15.0)
     with pytest.raises(BenchError, match=r"rests at 2, but was sent to 3; .*M211"):
-        arrived(stage, clock)
+        wait_for_arrival(stage, clock)
 
 
 def test_a_rig_opens_it_and_what_is_no_marlin_is_refused() -> None:
@@ -131,7 +131,7 @@ def test_a_rig_opens_it_and_what_is_no_marlin_is_refused() -> None:
         assert isinstance(stage, MarlinStage)
         stage.close()
     with pytest.raises(BenchError, match="it is not Marlin"):
-        MarlinStage(Written([(b"M115\n", b"FIRMWARE_NAME:Klipper\nok\n")]), SimulatedClock())
+        MarlinStage(Dialogue([(b"M115\n", b"FIRMWARE_NAME:Klipper\nok\n")]), SimulatedClock())
     _, _, clock, wire = driven()
     wire.faults.deaf = True
     with pytest.raises(BenchError, match="no answer within 2 s"):

@@ -14,7 +14,7 @@ from solen.analysis import study
 from solen.bench.clock import WallClock
 from solen.bench.drivers import DRIVERS
 from solen.bench.live import sampler_of
-from solen.bench.meter import AskingMeter, Reading, steady
+from solen.bench.meter import PolledMeter, Reading, steady_reading
 from solen.bench.multimeter import Multimeters
 from solen.bench.oscilloscope import Oscilloscope
 from solen.bench.record import record
@@ -55,10 +55,10 @@ def waited(meter: Meter) -> Reading:
 
 
 def test_multimeters_are_asked_together_and_heard_one_after_the_other() -> None:
-    right, left = Multimeter(reads=lambda: 1.25), Multimeter(reads=lambda: -2.5e-3)
+    right, left = Multimeter(volts=lambda: 1.25), Multimeter(volts=lambda: -2.5e-3)
     with served(right, left) as names:
         clock = WallClock()
-        meter = Multimeters(clock, names, ask="MEAS:VOLT:DC?", setup=("CONF:VOLT:DC 10",))
+        meter = Multimeters(clock, names, query="MEAS:VOLT:DC?", setup=("CONF:VOLT:DC 10",))
         assert isinstance(meter, Meter)
         before_s = clock.now_s()
         reading = first(meter)
@@ -66,7 +66,7 @@ def test_multimeters_are_asked_together_and_heard_one_after_the_other() -> None:
         assert reading.on.tolist() == [1.25, -2.5e-3]
         assert np.isnan(reading.off).all()
         assert not reading.clipped.any()
-        left.highest = 1e-3
+        left.range_V = 1e-3
         beyond = first(meter)
         assert beyond.on[0] == 1.25
         assert np.isnan(beyond.on[1])
@@ -80,7 +80,7 @@ def test_faults_of_multimeters_end_in_a_line() -> None:
     with served(device) as names:
         with pytest.raises(BenchError, match=r'CONF:LUX: -113,"Undefined header"; see its programming'):
             Multimeters(WallClock(), names, setup=("CONF:LUX",))
-        meter = Multimeters(WallClock(), names, ask="FETC?", answer_s=0.3)
+        meter = Multimeters(WallClock(), names, query="FETC?", timeout_s=0.3)
         with pytest.raises(BenchError, match=r"answered 'what\?' to FETC\?; .*meter\.ask"):
             first(meter)
         meter.close()
@@ -108,9 +108,9 @@ def receivers(switched: bool) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
 
 @pytest.mark.parametrize("maker", ["KEYSIGHT TECHNOLOGIES", "AGILENT TECHNOLOGIES", "RIGOL TECHNOLOGIES"])
 @pytest.mark.parametrize("more", [{}, {"sync": "4"}])
-def test_a_record_of_an_oscilloscope_becomes_a_reading(maker: str, more: dict[str, object]) -> None:
+def test_a_record_of_an_oscilloscope_becomes_a_reading(manufacturer: str, more: dict[str, object]) -> None:
     clock = WallClock()
-    scope = Scope(maker=maker, clock=clock, waves=receivers(bool(more)))
+    scope = Scope(manufacturer=manufacturer, clock=clock, waves=receivers(bool(more)))
     with served(scope) as names:
         meter = Oscilloscope(clock, names[0], ("1", "2"), setup=(":TIM:RANG 0.03",), **more)  # type: ignore[arg-type]
         reading = first(meter)
@@ -126,7 +126,7 @@ def test_a_record_of_an_oscilloscope_becomes_a_reading(maker: str, more: dict[st
 
 def test_an_oscilloscope_that_clips_or_does_not_trigger_or_shows_nothing() -> None:
     clock = WallClock()
-    scope = Scope(maker="KEYSIGHT", clock=clock, waves=receivers(True), high=4.0)
+    scope = Scope(manufacturer="KEYSIGHT", clock=clock, waves=receivers(True), high=4.0)
     with served(scope) as names:
         meter = Oscilloscope(clock, names[0], ("1", "2"), sync="4")
         assert first(meter).clipped.tolist() == [True, True]
@@ -135,15 +135,15 @@ def test_an_oscilloscope_that_clips_or_does_not_trigger_or_shows_nothing() -> No
             first_fault(meter)
         assert meter.losses.unreadable == 5
         meter.close()
-        other = Scope(maker="TEKTRONIX", clock=clock)
+        other = Scope(manufacturer="TEKTRONIX", clock=clock)
         with (
             served(other) as more,
             pytest.raises(BenchError, match="supported are those of KEYSIGHT, RIGOL, AGILENT; use"),
         ):
             Oscilloscope(clock, more[0], ("1",))
-    deaf = Scope(maker="RIGOL", clock=clock, waves=receivers(True))
+    deaf = Scope(manufacturer="RIGOL", clock=clock, waves=receivers(True))
     with served(deaf) as names:
-        meter = Oscilloscope(clock, names[0], ("1", "2"), answer_s=0.3)
+        meter = Oscilloscope(clock, names[0], ("1", "2"), timeout_s=0.3)
         deaf._obey = lambda line: b"WAIT\n" if line.endswith("?") else b""  # type: ignore[method-assign]
         with pytest.raises(BenchError, match=r"acquires nothing within 0\.3 s; does it trigger"):
             first(meter)
@@ -153,7 +153,7 @@ def test_an_oscilloscope_that_clips_or_does_not_trigger_or_shows_nothing() -> No
 def test_a_record_of_before_is_no_reading() -> None:
     clock, since_s = WallClock(), 0.0
     ramp = {one: lambda time_s: 0.5 * (time_s - since_s) for one in ("1", "2")}
-    scope = Scope(maker="RIGOL", clock=clock, waves=ramp, arming=2)
+    scope = Scope(manufacturer="RIGOL", clock=clock, waves=ramp, arming=2)
     with served(scope) as names:
         meter = Oscilloscope(clock, names[0], ("1", "2"))
         since_s = clock.now_s()
@@ -168,7 +168,7 @@ def test_a_record_of_before_is_no_reading() -> None:
 @pytest.mark.parametrize("more", [{"short": 1}, {"points": 1}])
 def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> None:
     clock = WallClock()
-    scope = Scope(maker="KEYSIGHT", clock=clock, waves=receivers(True), **more)  # type: ignore[arg-type]  # its numbers
+    scope = Scope(manufacturer="KEYSIGHT", clock=clock, waves=receivers(True), **more)  # type: ignore[arg-type]  # its numbers
     with served(scope) as names:
         meter = Oscilloscope(clock, names[0], ("1", "2"), sync="4")
         with pytest.raises(DataError, match="records of its channels") as told:
@@ -179,7 +179,7 @@ def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> Non
 
 @pytest.mark.parametrize("more", [{"step_s": 0.0}, {"step_s": math.nan}, {"low": 5.0}])
 def test_a_preamble_without_steps_of_time_or_volts_ends_in_a_line(more: dict[str, float]) -> None:
-    scope = Scope(maker="KEYSIGHT", clock=WallClock(), waves=receivers(False), **more)  # type: ignore[arg-type]  # its numbers
+    scope = Scope(manufacturer="KEYSIGHT", clock=WallClock(), waves=receivers(False), **more)  # type: ignore[arg-type]  # its numbers
     with served(scope) as names:
         meter = Oscilloscope(scope.clock, names[0], ("1", "2"))
         with pytest.raises(BenchError, match=r":WAV:PRE\?"):
@@ -187,14 +187,14 @@ def test_a_preamble_without_steps_of_time_or_volts_ends_in_a_line(more: dict[str
         meter.close()
 
 
-class Breaking(AskingMeter):
+class Breaking(PolledMeter):
     """A meter that reads three times and breaks."""
 
     def measure(self) -> Reading:
         self.losses.unreadable += 1
         if self.losses.unreadable > 3:
             raise ValueError("two\nlines")
-        return steady(0.0, 0.0, np.zeros(1), np.zeros(1, bool))
+        return steady_reading(0.0, 0.0, np.zeros(1), np.zeros(1, bool))
 
     def release(self) -> None:
         pass
@@ -255,7 +255,7 @@ def recorded(bench: Path, port: str, meter: str, protocol: str) -> Path:
     (bench / "stops.toml").write_text(STOPS, encoding="utf-8")
     run = record(bench / f"{protocol}.toml", bench / "meters.toml", bench / "out")
     assert run.outcome == "done"
-    assert any("not switched by solen" in one for one in run.remarks)
+    assert any("not switched by solen" in one for one in run.cautions)
     assert not list((bench / "out").glob("*.journal"))
     return run.path
 
@@ -275,7 +275,7 @@ def test_from_multimeters_to_a_response(bench: Path) -> None:
     def volts(slope: float) -> Callable[[], float]:
         return lambda: 2.0 + slope * (device.axis.at(clock.now_s()) / PER_DEG)
 
-    meters = [Multimeter(reads=volts(slope)) for slope in (0.2, -0.1, 0.05)]
+    meters = [Multimeter(volts=volts(slope)) for slope in (0.2, -0.1, 0.05)]
     cell = "[load_cell]\ninput = 3\nN_per_V = 4.0\nzero_V = 2.0"
     with Served(device) as stage, served(*meters) as names:
         path = recorded(bench, stage.url, f"address = {list(names)}\nask = 'READ?'\n{cell}", "protocol")
@@ -306,7 +306,7 @@ def test_from_an_oscilloscope_to_a_response(bench: Path) -> None:
 
         return volts
 
-    scope = Scope(maker="KEYSIGHT", clock=clock, waves={"1": wave(0.3), "3": wave(-0.3), "4": receivers(True)["4"]})
+    scope = Scope(manufacturer="KEYSIGHT", clock=clock, waves={"1": wave(0.3), "3": wave(-0.3), "4": receivers(True)["4"]})
     more = "driver = 'oscilloscope'\nsync = '4'\nchannels = ['1', '3']\naddress = "
     with Served(device) as stage, served(scope) as names:
         path = recorded(bench, stage.url, f"{more}'{names[0]}'", "stops")

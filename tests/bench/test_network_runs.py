@@ -15,7 +15,7 @@ from solen.bench.rig import load_rig
 from solen.errors import BenchError, SolenError
 from solen.readout import volts
 from solen.recording import read_parts
-from tests.bench.network_support import EMITTERS, PLAN, RECEIVERS, RIG, light, made, without_tracing, write
+from tests.bench.network_support import EMITTERS, PLAN, RECEIVERS, RIG, light, network_of, without_tracing, write
 
 DAQ = RIG.replace("[board]\nrate_hz = 100.0", '[daq]\nswitching = "counter"\nrate_hz = 8000.0\nswitch_hz = 100.0')
 DAQ = DAQ.replace("b = 3", "b = 2")  # counters light two emitters
@@ -37,7 +37,7 @@ def test_each_emitter_has_the_light_of_its_state(bench: Path, rig: str) -> None:
     recorded = run(bench)
     assert recorded.outcome == "done"
     assert set(recorded.sensors) == {"fork.a", "fork.b"}
-    circuit = made(load_rig(bench / "rig.toml")).circuit
+    circuit = network_of(load_rig(bench / "rig.toml")).circuit
     parts = dict(read_parts(recorded.path))
     for place, emitter in enumerate(EMITTERS):
         part = parts[f"fork.{emitter}"]
@@ -56,7 +56,7 @@ def test_a_grid_goes_through_every_state_one_motion_at_a_time(bench: Path) -> No
     states = [tuple(step.targets.values()) for step in protocol.steps]
     assert len(set(states)) == 9
     assert all(sum(a != b for a, b in zip(*pair, strict=True)) == 1 for pair in pairwise(states))
-    assert protocol.places == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
+    assert protocol.ranges == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
 
 
 def test_scattered_states_fill_the_ranges_evenly(bench: Path) -> None:
@@ -67,7 +67,7 @@ def test_scattered_states_fill_the_ranges_evenly(bench: Path) -> None:
     counts = np.bincount(4 * quarters[:, 0] + quarters[:, 1], minlength=16)
     assert counts.sum() == 64
     assert counts.min() >= 2  # of four on average
-    assert protocol.places == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
+    assert protocol.ranges == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
 
 
 def test_a_killed_run_loses_no_state_that_was_written(bench: Path) -> None:

@@ -98,7 +98,7 @@ def test_a_conversation_from_beginning_to_end(library: Library) -> None:
     assert library.running == {2}
     library.waiting = np.array([[1, -2, 3], [32_767, -32_768, 6]], np.int16)
     samples = daq.read()
-    assert (samples.stretch, samples.first) == (0, 0)
+    assert (samples.segment, samples.first) == (0, 0)
     assert samples.counts.tolist() == [[1, 32_767], [-2, -32_768], [3, 6]]
     daq.stop()
     daq.close()  # a second time says nothing
@@ -164,7 +164,7 @@ def test_what_was_overwritten_is_counted_and_sampling_begun_anew(library: Librar
     library.said.clear()
     taken = sampling.read()
     assert taken.last is None
-    assert taken.remarks == (
+    assert taken.notices == (
         "USB-6218 Dev1: samples were overwritten before the program read them; "
         "about 119930 samples of each channel are lost",
     )
@@ -241,7 +241,7 @@ def test_after_an_overrun_only_the_inputs_may_have_failed(library: Library, faul
     daq.start()
     library.faults |= {"DAQmxGetReadAttribute": [-200361], "DAQmxStopTask": faults}
     if not ends:
-        assert daq.read().stretch == 1
+        assert daq.read().segment == 1
         daq.close()
     else:
         with pytest.raises(BenchError, match="-88709"):
@@ -369,7 +369,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
     assert 1e6 * daq.convert_s == pytest.approx(convert_us, rel=1e-4)
     daq.start()
     library.waiting = np.zeros((2, 5), np.int16)
-    remarks = [daq.read().remarks, daq.read().remarks]
+    remarks = [daq.read().notices, daq.read().notices]
     stated = library.facts.converts
     assert [len(one) for one in remarks] == [0 if stated else 1, 0]
     daq.close()

@@ -11,7 +11,7 @@ from solen.bench.check import CheckOptions, check
 from solen.bench.record import RecordOptions, record
 from solen.bench.rig import Rig, load_rig
 from solen.bench.simulated.cell import SimulatedCell
-from solen.bench.simulated.sensors import SimulatedSensor, converter
+from solen.bench.simulated.sensors import SimulatedSensor, adc_of
 from solen.bench.starter import starter_files
 from solen.cli import run_command
 from solen.errors import BenchError
@@ -32,7 +32,7 @@ def made(rig: Rig) -> tuple[SimulatedSensor, ...]:
     """A sensor whose light and force are stated."""
     light = np.column_stack([0.2 + 0.35 * DEPTH_MM, 0.2 - 0.3 * DEPTH_MM])
     circuit = circuit_of(loads(FILES["sensor-press"]), {"right": 12.0, "left": 12.0})
-    circuit = circuit.__class__(**(vars(circuit) | {"adc": converter(rig), "load_ohm": (400.0, 400.0)}))
+    circuit = circuit.__class__(**(vars(circuit) | {"adc": adc_of(rig), "load_ohm": (400.0, 400.0)}))
     return (SimulatedSensor(rig.sensor[0], {}, DEPTH_MM, light, circuit, pressed_N(DEPTH_MM)),)
 
 
@@ -72,7 +72,7 @@ def test_depth_and_force_stand_beside_the_voltages(sampler: str, bench: Path) ->
     cell = SimulatedCell.drawn(rig.load_cell, made(rig)[0], np.random.default_rng([rig.seed, 2]))
     true = pressed_N(np.maximum(read["depth_mm"], 0.0))
     share = true / 0.5
-    shown = true * (1.0 + cell.scale) + 4.0 * cell.bow_N * share * (1.0 - share)
+    shown = true * (1.0 + cell.scale_error) + 4.0 * cell.bow_N * share * (1.0 - share)
     # but at the corners of ramps, where the depth between two looks at the stage is a curve through them
     assert np.quantile(np.abs(read["force_N"] - shown), 0.97) < 2e-4
     assert abs(read["force_N"][read["time_s"] < 1.0].mean()) < 2e-5  # tared

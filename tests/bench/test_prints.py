@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.bench.rig import load_rig
-from solen.bench.simulated.sensors import ANGLES, CLOSE, simulated_sensors
+from solen.bench.simulated.sensors import ANGLES, MAX_INTERPOLATION_ERROR, simulated_sensors
 from solen.sensor import Sensor
 from solen.spec import load
 
@@ -22,4 +22,4 @@ def test_a_print_is_close_to_its_trace_at_any_angle(bench: Path, width_mm: float
     found = Sensor.of(load(design)).power(angles.tolist())
     off = np.abs(one.at(found.angle_deg) - np.column_stack([found.right, found.left]))
     assert len(one.angle_deg) > ANGLES
-    assert np.quantile(off, 0.9) < 2.0 * CLOSE * one.fractions.max()
+    assert np.quantile(off, 0.9) < 2.0 * MAX_INTERPOLATION_ERROR * one.fractions.max()

@@ -10,7 +10,7 @@ import pytest
 from solen.bench.clock import SimulatedClock
 from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.grbl import GrblStage
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.kinesis import KinesisStage
 from solen.bench.link import Link
 from solen.bench.roles import Stage
@@ -18,7 +18,7 @@ from solen.bench.zaber import ZaberStage
 from tests.bench.gcs2_controller_support import Gcs2Controller
 from tests.bench.grbl_controller_support import GrblController
 from tests.bench.kinesis_controller_support import KinesisController
-from tests.bench.wire_support import Answers
+from tests.bench.wire_support import Instrument
 from tests.bench.zaber_controller_support import ZaberDevice
 
 
@@ -36,7 +36,7 @@ class TricklingWire:
         Whether what was read is lost by that, or nothing was read or written yet.
     """
 
-    instrument: Answers
+    instrument: Instrument
     clock: SimulatedClock
     late_s: float = 0.08
     byte_s: float = 1e-3
@@ -48,7 +48,7 @@ class TricklingWire:
 
     def write(self, data: bytes) -> None:
         self._at(before=True)
-        answer, begin_s = self.instrument.answer(data), self.clock.now_s() + self.late_s
+        answer, begin_s = self.instrument.reply(data), self.clock.now_s() + self.late_s
         begin_s = max(begin_s, self._coming[-1][0] if self._coming else 0.0)
         self._coming += [(begin_s + n * self.byte_s, byte) for n, byte in enumerate(answer, 1)]
         self._at(before=False)
@@ -93,15 +93,15 @@ def _grbl(clock: SimulatedClock) -> tuple[Any, Callable[[Link], Stage]]:
 @pytest.mark.parametrize("made", [_gcs2, _grbl, _kinesis, _zaber])
 @pytest.mark.parametrize("lost", [False, True])
 def test_a_stop_is_known_whatever_ctrl_c_interrupted(
-    made: Callable[[SimulatedClock], tuple[Any, Callable[[Link], Stage]]], lost: bool
+    network_of: Callable[[SimulatedClock], tuple[Any, Callable[[Link], Stage]]], lost: bool
 ) -> None:
     interrupted = 0
     while True:
         clock = SimulatedClock()
-        controller, opened = made(clock)
+        controller, opened = network_of(clock)
         wire = TricklingWire(controller, clock, lost=lost)
         stage = opened(wire)
-        make_known(stage, "here", 0.0)
+        ensure_zero(stage, "here", 0.0)
         wire.done, wire.interrupted = 0, interrupted
         try:
             stage.begin_move(3.0, 2.0)

@@ -35,7 +35,7 @@ def readings() -> FloatArray:
 def test_the_table_gives_the_decoder_s_angles() -> None:
     calibration, table, volts = known(), made(), readings()
     whole = Decoder(calibration).decode(volts)
-    found = by_python(table, volts)
+    found = run_python(table, volts)
     spread = 0.5 * (whole.high_deg[:, 0] - whole.low_deg[:, 0])
     on = ~whole.outside
     assert np.abs(found[on, 0] - whole.angle_deg[on]).max() < 0.5 * spread[on].max()
@@ -69,7 +69,7 @@ int main(void) {
 """
 
 
-def by_python(table: BoardTable, volts: FloatArray) -> FloatArray:
+def run_python(table: BoardTable, volts: FloatArray) -> FloatArray:
     space: dict[str, object] = {}
     exec(table.python, space)  # noqa: S102
     rows = [space["decode"](*row) for row in volts.tolist()]  # type: ignore[operator]
@@ -88,7 +88,7 @@ def test_the_header_in_c_gives_the_same(tmp_path: Path) -> None:
     said = "".join(f"{left:.7f} {right:.7f}\n" for left, right in volts.tolist())
     done = subprocess.run([str(tmp_path / "main")], input=said, capture_output=True, text=True, check=True)
     found = np.array([row.split() for row in done.stdout.splitlines()], float)
-    assert found == pytest.approx(by_python(table, volts), abs=2e-4)
+    assert found == pytest.approx(run_python(table, volts), abs=2e-4)
 
 
 @pytest.mark.evidence
@@ -100,7 +100,7 @@ def test_micropython_gives_the_same(tmp_path: Path) -> None:
     ask = f"\nfor left, right in {volts.tolist()}:\n    print(*[float(one) for one in decode(left, right)])\n"
     done = subprocess.run(command, input=table.python + ask, capture_output=True, text=True, check=True)
     found = np.array([row.split() for row in done.stdout.splitlines()], float)
-    assert found == pytest.approx(by_python(table, volts), abs=1e-6)
+    assert found == pytest.approx(run_python(table, volts), abs=1e-6)
 
 
 ON_AVR = """
@@ -146,4 +146,4 @@ def test_an_avr_gives_the_same(tmp_path: Path) -> None:
     run = ["simavr", "-m", "atmega328p", "-f", "16000000", str(tmp_path / "main.elf")]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
     found = np.array(re.findall(r"=(-?\d+) (-?\d+) ([01])", done.stdout + done.stderr), float) * [1e-4, 1e-4, 1.0]
-    assert found == pytest.approx(by_python(table, volts), abs=2e-3)
+    assert found == pytest.approx(run_python(table, volts), abs=2e-3)

@@ -88,12 +88,12 @@ class Person:
 
 def run_by_hand(bench: Path, protocol: str, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The recording of a run with somebody at the terminal."""
-    from tests.bench.pty_support import SlowClock, on_a_pty, pico
+    from tests.bench.pty_support import SlowClock, on_pty, pico
 
     angle, board = bench / "angle", bench / "pico"
     board.mkdir()
     person = Person(angle)
-    with on_a_pty(pico(board), board, bench / "log", angle) as port, monkeypatch.context() as patch:
+    with on_pty(pico(board), board, bench / "log", angle) as port, monkeypatch.context() as patch:
         (bench / "hand.toml").write_text(RIG.format(port=port), encoding="utf-8")
         (bench / "stops.toml").write_text(protocol, encoding="utf-8")
         patch.setattr("solen.bench.record.WallClock", SlowClock)

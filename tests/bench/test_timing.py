@@ -15,7 +15,7 @@ from solen.bench.clock_fit import fit_clock
 from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.journal import read_journal
 from solen.bench.protocol import Protocol
-from solen.bench.timing import Looks
+from solen.bench.timing import Positions
 from solen.errors import BenchError
 from tests.bench.slow_wire_support import recorded
 
@@ -125,7 +125,7 @@ def test_exchanges_bound_the_delay_that_listening_leaves_unknown(states_time: bo
 def test_looks_without_a_question_s_stamp_are_taken_as_they_came() -> None:
     old = np.zeros(2, np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")]))
     old["t_s"], old["position"] = (1.0, 2.0), (0.0, 3.0)
-    looks = Looks.of(old, 0.0)
+    looks = Positions.of(old, 0.0)
     assert looks.at(np.array([1.5])) == pytest.approx(1.5)
     assert not looks.bound_s.any()
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from solen.analysis import study
 from solen.arrays import FloatArray, IntArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
-from solen.bench.frames import ANEW, Layout
+from solen.bench.frames import RESTARTED, Layout
 from solen.bench.journal import read_journal
 from solen.bench.netcdf import RecordedRun
 from solen.bench.record import RecordOptions, record, recover
@@ -60,9 +60,9 @@ class Wires:
 
     def goes_dark(self, within_s: float) -> bool:
         due = time.monotonic() + within_s
-        while self.board.lit and time.monotonic() < due:
+        while self.board.sampling and time.monotonic() < due:
             time.sleep(0.01)
-        return not self.board.lit
+        return not self.board.sampling
 
 
 def controllers(bench: Path, clock: Clock) -> tuple[Gcs2Controller, BoardController]:
@@ -131,7 +131,7 @@ def test_from_the_wire_to_the_response(bench: Path, monkeypatch: pytest.MonkeyPa
     found = record(bench / "protocol.toml", bench / "wired.toml", bench / "out")
     assert (found.outcome, found.cycles, found.simulated) == ("done", CYCLES, False)
     assert not any(found.losses.values())
-    assert not board.lit
+    assert not board.sampling
     assert not stage.axis.moving(clock.now_s())
     told = study([found.path]).to_dict()
     lens = {(side, angle): volts_at(told, "A", side, angle) for side in ("right", "left") for angle in (-2.8, 2.8)}
@@ -165,7 +165,7 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_reported(
     assert losses["garbled"] + losses["skipped_bytes"] > 0
     with h5netcdf.File(found.path, "r") as file:
         time_s, number = file.variables["time_s"][...], file.variables["number"][...]
-        assert int(np.sum(file.variables["flags"][...] & ANEW != 0)) == 1
+        assert int(np.sum(file.variables["flags"][...] & RESTARTED != 0)) == 1
         assert len(json.loads(file.attrs["clock"])) == 2
         assert json.loads(file.attrs["losses"]) == losses
     assert len(np.unique(number)) == len(number)
@@ -175,10 +175,10 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_reported(
 
 
 FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {
-    "board deaf": ("has sent nothing for 2", lambda on: setattr(on.to_board.faults, "deaf", True), 3.0),
-    "board unplugged": ("the line is disconnected", lambda on: setattr(on.to_board.faults, "gone", True), 0.5),
-    "stage deaf": ("no answer within 1 s", lambda on: setattr(on.to_stage.faults, "deaf", True), 0.0),
-    "stage unplugged": ("the line is disconnected", lambda on: setattr(on.to_stage.faults, "gone", True), 0.0),
+    "board deaf": ("has sent no data for 2", lambda on: setattr(on.to_board.faults, "deaf", True), 3.0),
+    "board unplugged": ("the line is disconnected", lambda on: setattr(on.to_board.faults, "disconnected", True), 0.5),
+    "stage deaf": ("no reply within 1 s", lambda on: setattr(on.to_stage.faults, "deaf", True), 0.0),
+    "stage unplugged": ("the line is disconnected", lambda on: setattr(on.to_stage.faults, "disconnected", True), 0.0),
     "stage blocked": ("error 1024, motion error", lambda on: on.stage.stall(), 0.0),
     "garbage from the stage": (
         "which is not text",
@@ -201,7 +201,7 @@ def test_a_fault_in_the_middle_ends_the_run_with_emitters_off_and_the_stage_stop
     assert len(str(refusal.value).splitlines()) == 1
     if fault == "board unplugged":  # nobody serves what is unplugged: its own watchdog
         time.sleep(2.1)
-        wires.board.answer(b"")
+        wires.board.reply(b"")
     assert wires.goes_dark(dark_s)
     if "stage" not in fault or fault == "stage blocked":
         assert wires.stands()
@@ -246,7 +246,7 @@ def check_ended(wires: Wires, by: Forks, name: str, delay_s: float = 0.0) -> Non
     assert "Traceback" not in said
     assert f"ended by {name}; emitters off, stage stopped" in said
     assert "protocol.journal: continue with --resume" in said
-    assert not wires.board.lit
+    assert not wires.board.sampling
     assert wires.stands()
     events = [event["what"] for event in wires.events]
     assert events[-1] == "stopped"
@@ -307,11 +307,11 @@ def killed(wires: Wires, by: Forks, delay_s: float) -> Left | None:
     if run.wait()[0] != -signal.SIGKILL:
         return None
     time.sleep(1.2)
-    wires.board.answer(b"")  # nobody hears it, and its own time has passed
-    assert not wires.board.lit
+    wires.board.reply(b"")  # nobody hears it, and its own time has passed
+    assert not wires.board.sampling
     assert wires.stands()
     assert wires.stage.axis.at(clock.now_s()) == pytest.approx(wires.stage.axis.moves[-1].target)
-    lit_s, dark_s = ([hardware.began_s + 1e-6 * at for at, one in hardware.switched[switched:] if (one < 0) is off]
+    lit_s, dark_s = ([hardware.begin_s + 1e-6 * at for at, one in hardware.switched[switched:] if (one < 0) is off]
                      for off in (False, True))  # fmt: skip
     came = read_journal(wires.folder / "out" / "protocol.journal").streams["came"]
     lasted_s = 0.005 * (int(came["number"][-1]) + 1) if len(came) else 0.0
@@ -363,7 +363,7 @@ def test_a_stage_that_does_not_know_its_zero_is_not_driven_to_find_it_unasked(wi
         return record(wires.folder / "protocol.toml", path, wires.folder / "out", confirm=confirm)
 
     for answer in (None, False):
-        with pytest.raises(BenchError, match=r"does not know its zero.* 360 deg .*home = true"):
+        with pytest.raises(BenchError, match=r"has no zero\..* 360 deg .*home = true"):
             run(answer)
     assert not wires.stage.axis.moves
     assert not wires.stage.referenced
@@ -408,11 +408,11 @@ def test_travel_of_the_rig_is_not_left(wires: Wires) -> None:
     with pytest.raises(BenchError, match=r"step\[0\] = -3\.0; .*-2 to 4 deg"):
         wires.run()
     path.write_text(text.replace("home = true", "home = true\ntravel = [1.0, 4.0]"), encoding="utf-8")
-    with pytest.raises(BenchError, match=r"travel = .*zero = 0"):
+    with pytest.raises(BenchError, match=r"travel = .*must include the zero, 0"):
         wires.run()
     path.write_text(text.replace("home = true", "home = true\ntravel = [-4.0, 4.0]"), encoding="utf-8")
     wires.stage.referenced = wires.stage.servo = True
-    wires.stage.axis.rest = 37.0
-    with pytest.raises(BenchError, match=r"stands at position 37 deg.*-4 to 4"):
+    wires.stage.axis.initial = 37.0
+    with pytest.raises(BenchError, match=r"position = 37\.0; .*-4 to 4"):
         wires.run()
     assert not wires.stage.axis.moves

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from solen.bench.firmware.written import BOARDS, Board
+from solen.bench.firmware.boards import BOARDS, Board
 from solen.errors import OutputError
 from solen.pipeline.bench.firmware import firmware
 

@@ -4,11 +4,11 @@ import pytest
 
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS
-from solen.bench.homing import make_known
-from solen.bench.roles import Homes
+from solen.bench.homing import ensure_zero
+from solen.bench.roles import HomingStage
 from solen.bench.zaber import ZaberStage
 from solen.errors import BenchError
-from tests.bench.stage_support import Written, arrived, rig_with
+from tests.bench.stage_support import Dialogue, wait_for_arrival, rig_with
 from tests.bench.wire_support import Served, Wire
 from tests.bench.zaber_controller_support import ZaberDevice
 
@@ -38,8 +38,8 @@ def test_what_is_said_is_the_manual_s() -> None:
         (b"/1 1 stop\n", b"@01 1 OK IDLE -- 0\r\n"),
         (b"/1 1 get pos\n", b"@01 1 OK IDLE -- -12000\r\n"),
     ]
-    stage = ZaberStage(Written(HELLO + more), SimulatedClock(), steps_per_unit=PER_DEG)
-    make_known(stage, "here", 0.0)
+    stage = ZaberStage(Dialogue(HELLO + more), SimulatedClock(), steps_per_unit=PER_DEG)
+    ensure_zero(stage, "here", 0.0)
     stage.begin_move(-3.0, 15.0)
     assert stage.position() == -1.5
     assert stage.on_target()
@@ -50,15 +50,15 @@ def test_what_is_said_is_the_manual_s() -> None:
 
 def test_it_is_homed_when_allowed_moved_and_stopped() -> None:
     stage, device, clock, _ = driven()
-    homes: Homes = stage
+    homes: HomingStage = stage
     assert homes.name
     with pytest.raises(BenchError, match="by up to 100 deg"):
-        make_known(stage, False, 0.0)
+        ensure_zero(stage, False, 0.0)
     assert not device.axis.moves
-    make_known(stage, True, 0.0)
+    ensure_zero(stage, True, 0.0)
     assert (stage.referenced, stage.position()) == (True, 0.0)
     stage.begin_move(3.0, 15.0)
-    assert arrived(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 250.0, abs=0.02)
+    assert wait_for_arrival(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 250.0, abs=0.02)
     assert stage.position() == 3.0
     device.alert = b"!01 1 IDLE --\r\n"
     stage.begin_move(-3.0, 15.0)
@@ -76,7 +76,7 @@ def test_it_is_homed_when_allowed_moved_and_stopped() -> None:
 
 def test_faults_of_the_axis_and_of_the_line_end_in_a_line() -> None:
     stage, device, clock, wire = driven()
-    make_known(stage, "here", 1.0)
+    ensure_zero(stage, "here", 1.0)
     assert (stage.position(), device.axis.moves) == (1.0, [])
     stage.begin_move(3.0, 15.0)
     clock.sleep(1.0)
@@ -86,7 +86,7 @@ def test_faults_of_the_axis_and_of_the_line_end_in_a_line() -> None:
     wire.faults.deaf = True
     with pytest.raises(BenchError, match="no answer within 1 s"):
         stage.position()
-    other = Written([(b"/1 1 get limit.min\n", b"@02 1 OK IDLE -- 0\r\n")])
+    other = Dialogue([(b"/1 1 get limit.min\n", b"@02 1 OK IDLE -- 0\r\n")])
     with pytest.raises(BenchError, match=r"'@02 1 OK IDLE -- 0' .*; check the address"):
         ZaberStage(other, clock, steps_per_unit=PER_DEG)
 

@@ -21,7 +21,7 @@ from solen.analysis.calibration import Decoding
 from solen.analysis.calibration import file as saved
 from solen.analysis.calibration.stream_decoder import COLUMNS
 from solen.bench.clock import SimulatedClock, WallClock
-from solen.bench.follow import Following
+from solen.bench.follow import JournalFollower
 from solen.bench.journal import Journal
 from solen.bench.outlets import Paced
 from solen.bench.record import record
@@ -29,7 +29,7 @@ from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
 from tests.analysis.made_support import Protocol, Truth, made
-from tests.bench.lsl_support import kept_streams
+from tests.bench.lsl_support import recorded_streams
 from tests.bench.rig_support import PROTOCOL
 from tests.bench.wire_support import Served
 from tests.command_support import answered
@@ -473,7 +473,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert followed["readings"] == stopped["readings"] > 300
     assert (followed["to_s"], followed["highest_deg"]) == (stopped["to_s"], stopped["highest_deg"])
     # its readings are those of the closed recording
-    fresh = next(iter(Following(whole).readings("A")))
+    fresh = next(iter(JournalFollower(whole).readings("A")))
     from solen.recording import read_parts
 
     ((_, closed),) = list(read_parts(tmp_path / "protocol.nc"))
@@ -531,7 +531,7 @@ def test_angles_go_out_over_a_serial_line(folder: Path) -> None:
 
 
 def test_angles_go_out_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told = kept_streams(monkeypatch)
+    told = recorded_streams(monkeypatch)
     shown = io.StringIO()
     decoded(folder, text=io.StringIO(LIVE), rows=shown, send="lsl:finger")
     assert told[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")

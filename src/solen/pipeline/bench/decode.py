@@ -34,7 +34,7 @@ from solen.analysis.network.stream_decoder import (
 )
 from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
-from solen.bench.follow import Following
+from solen.bench.follow import JournalFollower
 from solen.bench.journal import SUFFIX
 from solen.bench.journal_content import signal_unit
 from solen.bench.outlets import Outlet, Paced, outlet
@@ -130,20 +130,20 @@ def _of_network(
         turns, provenance, warnings = recorded_turns(path, known, options.sensor)
         pieces = in_pieces(turns, len(turns.time_s), _PIECE)
         return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
-    following = Following(path)
+    following = JournalFollower(path)
     grown = _turns(following, known, options.sensor, path.name, follow=options.follow)
     return NetworkStream(known, str(calibration), source, _provenance(following, path)), grown
 
 
 def _turns(
-    following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
+    following: JournalFollower, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
 ) -> Iterator[Turns]:
     """Yield the readings in a run's journal, in the order of a calibration; with ``follow``, until the run ends."""
     entry = chosen_network(following.header, sensor or known.sensor, file)
     scale = scale_of(file, signal_unit(following.header), known)
     lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
     read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
-    for one in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
+    for one in _grown(following, lambda: following.network_readings(entry["name"]), follow=follow):
         yield Turns(one.time_s, scale * one.volts[:, lit][:, :, read], clipped=one.clipped[:, lit][:, :, read])
 
 
@@ -178,7 +178,7 @@ def _write_rows(
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     """Return the readings in a run's journal with ambient light subtracted; with ``follow``, until the run ends."""
-    following = Following(path)
+    following = JournalFollower(path)
     names = [str(one["name"]) for one in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)
     fresh = _grown(following, lambda: following.readings(name), follow=options.follow)
@@ -186,14 +186,14 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     return Stream(batches, name, "subtracted", _provenance(following, path), unit=signal_unit(following.header))
 
 
-def _provenance(following: Following, path: Path) -> Provenance:
+def _provenance(following: JournalFollower, path: Path) -> Provenance:
     """Return the provenance of readings from a run's journal."""
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
     return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
-def _grown(following: Following, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
+def _grown(following: JournalFollower, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
     """Yield the content added to a journal at each call of ``fresh``; with ``follow``, until the run ends."""
     while True:
         yield from fresh()
