@@ -1,14 +1,15 @@
-"""Fixtures: a folder with a small simulated rig, and a process from which runs are forked."""
+"""Fixtures: a folder with a small simulated rig, and a function that starts runs in separate processes."""
 
 import contextlib
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from solen.spec import template
-from tests.bench.fork_support import Forks, fork_server
+from tests.bench.fork_support import Start, fork_server, start_process
 from tests.bench.rig_support import PROTOCOL, RIG
 
 
@@ -22,10 +23,13 @@ def bench(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def forks() -> Iterator[Forks]:
-    """Process from which runs are forked; it is started once, because loading the program takes seconds."""
-    with fork_server() as server:
-        yield server
+def start() -> Iterator[Start]:
+    """Function that starts the program: by a fork where possible, because loading the program takes seconds."""
+    if sys.platform == "win32":
+        yield start_process
+    else:
+        with fork_server() as forks:
+            yield forks.start
 
 
 @pytest.fixture

@@ -1,24 +1,26 @@
-"""Runs of the program in processes forked from one that has loaded it: quick to start, and real processes to kill.
+"""Runs of the program in separate processes, to be killed: forked from one that has loaded it, or started as usual.
 
-POSIX only.
+Forked processes start quickly, but need POSIX.
 """
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import Protocol
 
 SERVER = """
 import json, os, signal, sys
 import h5netcdf, h5py, pydantic, scipy.interpolate, serial
-import solen.bench.board, solen.bench.gcs2, solen.bench.record, solen.bench.simulated.instruments, solen.cli.bench.record
+import solen.bench.board, solen.bench.gcs2, solen.bench.record, solen.bench.simulated.instruments
+import solen.cli.bench.record
 from solen.cli import run_command
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -45,6 +47,31 @@ for line in sys.stdin:
 """
 
 
+class Process(Protocol):
+    """Part of a `subprocess.Popen`."""
+
+    def send_signal(self, sig: int) -> None: ...
+    def kill(self) -> None: ...
+    def poll(self) -> int | None: ...
+    def wait(self) -> int | None: ...
+
+
+Start = Callable[..., Process]
+"""Starts ``solen WORDS`` in a folder, given the folder and the words; stderr goes to the file of that name there."""
+
+
+def start_process(folder: Path, *words: str) -> "subprocess.Popen[bytes]":
+    """Start ``solen WORDS`` in a folder in a new Python process."""
+    with (folder / "stderr").open("wb") as stderr:
+        return subprocess.Popen(
+            [sys.executable, "-m", "solen", *words],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+        )
+
+
 @dataclass
 class Forks:
     """A server that forks runs of the program."""
@@ -52,11 +79,10 @@ class Forks:
     process: "subprocess.Popen[str]"
 
     def start(self, folder: Path, *words: str) -> "Forked":
-        """Start ``solen WORDS`` in a folder."""
-        stderr = folder / "stderr"
-        pid = self.request("start", str(folder), str(stderr), *words)
+        """Start ``solen WORDS`` in a folder in a forked process."""
+        pid = self.request("start", str(folder), str(folder / "stderr"), *words)
         assert pid is not None
-        return Forked(self, stderr, pid)
+        return Forked(self, pid)
 
     def request(self, *order: str | int) -> int | None:
         """Send an order to the server, and return its reply."""
@@ -70,15 +96,14 @@ class Forks:
 
 @dataclass
 class Forked:
-    """A run in progress, with the methods of a `subprocess.Popen`; the text on its stderr goes to a file."""
+    """A run in a forked process."""
 
     server: Forks
-    stderr: Path
     pid: int
 
-    def send_signal(self, number: int) -> None:
+    def send_signal(self, sig: int) -> None:
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self.pid, number)
+            os.kill(self.pid, sig)
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
@@ -91,16 +116,6 @@ class Forked:
         """Wait until it has ended, and return the exit code."""
         return self.server.request("wait", self.pid)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if kind is not None:
-            self.kill()
-        self.wait()
-
 
 @contextlib.contextmanager
 def fork_server() -> Iterator[Forks]:
@@ -111,3 +126,53 @@ def fork_server() -> Iterator[Forks]:
             yield Forks(process)
         finally:
             process.kill()
+
+
+@dataclass
+class Killed:
+    """A run that was killed.
+
+    Attributes
+    ----------
+    folder, name
+        Folder with the rig, and name of the run.
+    killed_s
+        Time just before the kill, by the clock of the computer.
+    """
+
+    folder: Path
+    name: str
+    killed_s: float
+
+    @property
+    def journal(self) -> Path:
+        return self.folder / "out" / f"{self.name}.journal"
+
+    @property
+    def recording(self) -> Path:
+        return self.journal.with_suffix(".nc")
+
+
+def kill_runs(
+    start: Start, folder: Path, delays_s: list[float], first: int = 0, *, from_sampling: bool = False
+) -> list[Killed]:
+    """Run in real time in parallel, and kill each run a delay after its start or, `from_sampling`, its first sample."""
+    words = ("bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out", "--real-time", "--name")
+    delay_s = {f"k{number}": delay for number, delay in enumerate(delays_s, first)}
+    alive = {name: start(folder, *words, name) for name in delay_s}
+    begin_s = {} if from_sampling else dict.fromkeys(delay_s, time.monotonic())
+    killed = []
+    while alive:
+        for name in list(alive):
+            run = Killed(folder, name, time.time())
+            if name not in begin_s and (run.journal.exists() or run.recording.exists()):
+                begin_s[name] = time.monotonic()
+            if time.monotonic() - begin_s.get(name, math.inf) >= delay_s[name]:
+                process = alive.pop(name)
+                process.kill()
+                process.wait()
+                killed.append(run)
+            else:
+                assert not alive[name].poll()  # running, or ended without an error
+        time.sleep(0.005)
+    return killed

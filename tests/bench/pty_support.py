@@ -1,7 +1,7 @@
-"""Boards behind a pseudo-terminal, as at the end of a USB cable: the shipped files on simulated hardware.
+"""Boards on a pseudo-terminal, as at the end of a USB cable: the shipped firmware on simulated hardware.
 
 `pico` runs main.py under CPython with a module ``machine`` that simulates pins, ADC and sensor; `uno` runs the image
-compiled by gcc-avr under simavr. Both turn the sensor by the steps that they make. POSIX only.
+compiled by gcc-avr under simavr. The steps that they make turn the sensor. POSIX only.
 """
 
 import contextlib
@@ -22,12 +22,12 @@ from solen.bench.frames import frame
 from tests.bench.firmware_support import CORE, MODULE, micropython
 
 STEPS_PER_DEG = 100.0
-SLOW = 8
+SLOW = 4
 """Factor by which boards run slower than real time, so that a busy computer can simulate them."""
 
 
 class SlowClock(WallClock):
-    """The clock of the host of such a board."""
+    """A clock of the host that runs slower by the same factor."""
 
     def __init__(self, at_s: float = 0.0) -> None:
         super().__init__(at_s, lambda: time.perf_counter() / SLOW)
@@ -324,7 +324,7 @@ setTimeout(() => 0, 60_000);
 
 
 def stream(folder: Path, count: int, *, by_micropython: bool = False) -> list[str] | str:
-    """Return a command that sends periods of the core as fast as it can, some damaged, or why it is not available."""
+    """Return a command that sends frames of the core as fast as it can, some damaged, or why it is not available."""
     write_sources("pico", folder)
     (folder / "main.py").unlink()
     commands = [frame(CONFIGURE, 0, CONFIGURATION.pack(5000, 1, 2)), frame(START, 0, b""), frame(ALIVE, 0, b"")]
@@ -344,7 +344,7 @@ def stream(folder: Path, count: int, *, by_micropython: bool = False) -> list[st
 
 @contextlib.contextmanager
 def on_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None) -> Iterator[str]:
-    """Yield the port of a program that simulates a board; a file may contain the angle of the sensor."""
+    """Yield the port of a program that simulates a board; the file `angle`, if given, contains the sensor's angle."""
     import pty
     import tty
 
@@ -362,6 +362,7 @@ def on_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None) 
 
 
 def write_sources(kind: str, folder: Path) -> None:
+    """Write the firmware of a kind of board into a folder."""
     for name, text in sources_of(kind).items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

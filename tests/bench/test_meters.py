@@ -306,7 +306,9 @@ def test_from_an_oscilloscope_to_a_response(bench: Path) -> None:
 
         return volts
 
-    scope = Scope(manufacturer="KEYSIGHT", clock=clock, waves={"1": wave(0.3), "3": wave(-0.3), "4": receivers(True)["4"]})
+    scope = Scope(
+        manufacturer="KEYSIGHT", clock=clock, waves={"1": wave(0.3), "3": wave(-0.3), "4": receivers(True)["4"]}
+    )
     more = "driver = 'oscilloscope'\nsync = '4'\nchannels = ['1', '3']\naddress = "
     with Served(device) as stage, served(scope) as names:
         path = recorded(bench, stage.url, f"{more}'{names[0]}'", "stops")

@@ -1,4 +1,4 @@
-"""A mount turned by hand and a Pico, all that there is: from the paper's protocol to its Fig. 4D, by the commands."""
+"""A rig of a mount turned by hand and a Pico: from the paper's protocol to its Fig. 4D, by the commands."""
 
 import re
 import sys
@@ -38,56 +38,57 @@ left = 2
 """
 CYCLES = 6
 SWING_V, PER_DEG = 2.4, 1.2
-"""Of the circuit that `tests.bench.pty_support` simulates."""
+"""Swing and slope of the receivers that `tests.bench.pty_support` simulates."""
 
 
-def stops(step_deg: float, hold_s: float, cycles: int) -> str:
-    """The paper's turn to 3 degrees on either side, in stops; it has six cycles of it."""
-    to = [*np.arange(-step_deg, -3.01, -step_deg), *np.arange(-3 + step_deg, 3.01, step_deg)]
-    to += [*np.arange(3 - step_deg, -0.01, -step_deg)]
+def protocol_with_stops(step_deg: float, hold_s: float, cycles: int) -> str:
+    """Return the paper's rotation to 3 degrees on either side, with stops."""
+    angles = [*np.arange(-step_deg, -3.01, -step_deg), *np.arange(-3 + step_deg, 3.01, step_deg)]
+    angles += [*np.arange(3 - step_deg, -0.01, -step_deg)]
     steps = "".join(
-        f"[[step]]\nto_deg = {round(float(one), 3)}\nvelocity_deg_per_s = 15.0\nhold_s = {hold_s}\n" for one in to
+        f"[[step]]\nto_deg = {round(float(angle), 3)}\nvelocity_deg_per_s = 15.0\nhold_s = {hold_s}\n"
+        for angle in angles
     )
     return f'schema = 1\nname = "3 degrees in stops"\ncycles = {cycles}\nrest_s = {3.0 * hold_s}\n{steps}'
 
 
 class Person:
-    """Somebody at a terminal, who turns the mount where the program asks, beyond it and back, and presses Enter.
+    """Simulated person at the terminal, who turns the mount as the program asks, overshoots, and presses Enter.
 
-    It is what the program reads from and writes to.
+    It replaces both the input and the output of the program.
     """
 
-    def __init__(self, angle: Path) -> None:
-        self._file, self._at = angle, 0.0
+    def __init__(self, angle_file: Path) -> None:
+        self._file, self._angle_deg = angle_file, 0.0
         self._lines: SimpleQueue[str] = SimpleQueue()
-        self._put(0.0)
+        self._set_angle(0.0)
 
     def readline(self) -> str:
         return self._lines.get()
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing, as nothing is buffered."""
 
     def write(self, line: str) -> None:
-        if asked := re.search(r"to ([+-][\d.]+) deg", line):
-            threading.Thread(target=self._turn, args=(float(asked[1]),), daemon=True).start()
+        if request := re.search(r"to ([+-][\d.]+) deg", line):
+            threading.Thread(target=self._turn, args=(float(request[1]),), daemon=True).start()
 
-    def _turn(self, target: float) -> None:
-        for one in (*np.linspace(self._at, target, 4)[1:], target + 0.3, target):
-            self._put(float(one))
+    def _turn(self, target_deg: float) -> None:
+        for angle_deg in (*np.linspace(self._angle_deg, target_deg, 4)[1:], target_deg + 0.3, target_deg):
+            self._set_angle(float(angle_deg))
             time.sleep(0.02)
         time.sleep(0.05)
         self._lines.put("\n")
 
-    def _put(self, angle: float) -> None:
+    def _set_angle(self, angle_deg: float) -> None:
         new = self._file.with_suffix(".new")
-        new.write_text(f"{angle!r}", encoding="utf-8")
-        Path(new).replace(self._file)
-        self._at = angle
+        new.write_text(f"{angle_deg!r}", encoding="utf-8")
+        new.replace(self._file)
+        self._angle_deg = angle_deg
 
 
-def run_by_hand(bench: Path, protocol: str, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The recording of a run with somebody at the terminal."""
+def record_by_hand(bench: Path, protocol: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Record a run with a mount turned by hand, and return the recording."""
     from tests.bench.pty_support import SlowClock, on_pty, pico
 
     angle, board = bench / "angle", bench / "pico"
@@ -105,33 +106,34 @@ def run_by_hand(bench: Path, protocol: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def circuit_V(angle_deg: FloatArray, sign: float) -> FloatArray:
-    """On less off of a receiver of the circuit; brighter is lower."""
+    """Return the voltage of a receiver with the emitter on minus off; the voltage falls with the light."""
     return np.asarray(-SWING_V / (1.0 + np.exp(PER_DEG * sign * angle_deg)))
 
 
-def test_readings_at_stops_are_those_of_the_circuit(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = run_by_hand(bench, stops(1.5, 0.15, 1), monkeypatch)
+def test_readings_at_stops_match_circuit(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = record_by_hand(bench, protocol_with_stops(1.5, 0.15, 1), monkeypatch)
     with h5netcdf.File(path, "r") as file:
-        read = {name: file.groups["A"].variables[name][...] for name in ("angle_deg", "right", "left")}
-    assert set(read["angle_deg"]) == {-3.0, -1.5, 0.0, 1.5, 3.0}  # and nothing of the way between them
+        columns = {name: file.groups["A"].variables[name][...] for name in ("angle_deg", "right", "left")}
+    assert set(columns["angle_deg"]) == {-3.0, -1.5, 0.0, 1.5, 3.0}  # and no reading during a motion
     for side, sign in (("right", 1.0), ("left", -1.0)):
-        assert read[side] == pytest.approx(circuit_V(read["angle_deg"], sign), abs=1e-3)
+        assert columns[side] == pytest.approx(circuit_V(columns["angle_deg"], sign), abs=1e-3)
 
 
 @pytest.mark.evidence
-def test_a_hand_and_a_pico_draw_the_paper_s_figure(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, figure = run_by_hand(bench, stops(0.5, 0.2, CYCLES), monkeypatch), bench / "4D.svg"
+def test_mount_turned_by_hand_gives_paper_figure(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = record_by_hand(bench, protocol_with_stops(0.5, 0.2, CYCLES), monkeypatch)
+    figure = bench / "4D.svg"
     assert run_command(["bench", "analyse", str(path), "--figure", str(figure), "--quiet"]) == 0
     assert figure.stat().st_size > 10_000
     sensor = study([path]).to_dict()["sensors"]["A"]
     for side, sign in (("right", 1.0), ("left", -1.0)):
-        found = sensor["receivers"][side]
-        at = np.array(found["angle_deg"])
-        stopped = np.abs(2.0 * at - np.round(2.0 * at)) < 0.04  # between stops the curve is a straight line
-        off_mV = 1e3 * float(np.nanstd(np.array(found["mean_V"], float)[stopped] - circuit_V(at[stopped], sign)))
-        hysteresis = found["hysteresis_percent"]
-        print(f"\n  {side}: {off_mV:.2f} mV rms from the circuit's own at stops; hysteresis {hysteresis:.3f} % FS")
-        assert stopped.sum() >= 11
-        assert off_mV < 5.0
+        curve = sensor["receivers"][side]
+        angle_deg = np.array(curve["angle_deg"])
+        at_stop = np.abs(2.0 * angle_deg - np.round(2.0 * angle_deg)) < 0.04  # the curve is interpolated between stops
+        error_V = np.array(curve["mean_V"], float)[at_stop] - circuit_V(angle_deg[at_stop], sign)
+        error_mV, hysteresis = 1e3 * float(np.nanstd(error_V)), curve["hysteresis_percent"]
+        print(f"\n  {side}: error at the stops {error_mV:.2f} mV RMS; hysteresis {hysteresis:.3f} % FS")
+        assert at_stop.sum() >= 11
+        assert error_mV < 5.0
         assert hysteresis < 0.5
-    assert sensor["cycles_used"] == CYCLES - 1  # the first is left out, as in the paper
+    assert sensor["cycles_used"] == CYCLES - 1  # the first is omitted, as in the paper

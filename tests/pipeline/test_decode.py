@@ -517,7 +517,7 @@ def test_angles_go_out_over_a_serial_line(folder: Path) -> None:
     heard = bytearray()
 
     class Listens:
-        def answer(self, data: bytes) -> bytes:
+        def reply(self, data: bytes) -> bytes:
             heard.extend(data)
             return b""
 
