@@ -75,7 +75,7 @@ DEVICES = {
         "USB-6001", paired(4, RSE | DIFF, RSE, 8), 20e3, 20e3, limits(10.0), 14, lines(port0=8, port1=4, port2=1),
         reports_conversion=False,
     ),
-    # USB-6008/6009 user guide and specifications: 14 bits differential, 13 bits and ±10 V single-ended; 48 kS/s in total
+    # USB-6008/6009 user guide and specifications: 14 bits differential; 13 bits and ±10 V single-ended; 48 kS/s total
     "USB-6009": Device(
         "USB-6009", paired(4, RSE | DIFF, RSE, 8), 48e3, 48e3, limits(1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 10.0, 20.0), 14,
         lines(port0=8, port1=4), reports_conversion=False, single_ended_v=10.0,

@@ -1,7 +1,7 @@
 """A GCS 2.0 controller with a simulated axis, like a C-863 Mercury.
 
-It handles lines, single characters that are executed at once, and an error code that is kept until it is queried. It was
-written from the manual (PI, MS249E, chapter 8), not from the driver.
+It handles lines, single characters that are executed at once, and an error code that is kept until it is queried. It
+was written from the manual (PI, MS249E, chapter 8), not from the driver.
 """
 
 from collections.abc import Callable

@@ -116,8 +116,9 @@ class Model:
 
     def _check_counters(self, setup: "Setup") -> None:
         if setup.emitters > len(self.switches):
-            counters = f"{len(self.switches) or 'no'} counters that generate pulses"
-            limit = f"is more than {self.name} can alternate: it has {counters}"
+            count = len(self.switches)
+            counters = "1 counter that generates" if count == 1 else f"{count or 'no'} counters that generate"
+            limit = f"is more than {self.name} can alternate: it has {counters} pulses"
             remedy = 'set switching = "lines" to use its digital outputs' if self.timed_hz else SWITCH_EXTERNALLY
             raise BenchError("sensor.emitter", value=setup.emitters, limit=limit, remedy=remedy)
         counter_lines = [line for _, _, line in self.switches[: setup.emitters]]
@@ -248,7 +249,7 @@ class Setup:
         """
         if (self.switching == "lines") != bool(self.lines):
             limit = 'are required with switching = "lines", and invalid otherwise'
-            raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
+            raise BenchError("daq.lines", value=", ".join(self.lines) or None, limit=limit)
         if self.switching != "lines":
             return
         if len(self.lines) != self.emitters or len(set(self.lines)) < self.emitters:

@@ -108,7 +108,7 @@ class Gcs2Stage(LineStage):
         self._error_code()  # an earlier error may be pending
         self.identity = self.query("*IDN?")[0]
         if "physik instrumente" not in self.identity.lower():
-            limit = f"replied {self.identity!r} to *IDN?, which is not a controller of PI"
+            limit = f"replied {self.identity!r} to *IDN?, not as a controller of PI"
             raise self._bench_error(limit, "check the port")
         configured = self._value("CST?")
         if configured != stage:

@@ -160,8 +160,8 @@ class Oscilloscope(PolledMeter):
         state = self._command_and_query(command, self._dialect.state)
         while (state == self._dialect.complete) != complete:
             if self._clock.now_s() > sent_s + self._timeout_s:
-                what = "acquires nothing" if complete else f"does not start to acquire after {command}"
-                raise self._scope.error(f"{what} within {self._timeout_s:g} s", "check its trigger")
+                failure = "acquired nothing" if complete else f"did not start to acquire after {command}"
+                raise self._scope.error(f"{failure} within {self._timeout_s:g} s", "check its trigger")
             self._clock.sleep(POLL_S)
             state = self._scope.query(self._dialect.state)
 
