@@ -215,8 +215,9 @@ class FailingMeter(PolledMeter):
 
 def test_error_of_meter_is_raised_after_its_readings() -> None:
     meter = FailingMeter("a meter", WallClock(), inputs=1, unit="V", switched=False)
+    readings: list[Reading] = []
     with pytest.raises(BenchError, match=r"a meter; .*two lines"):
-        read_until_error(meter, readings := [])
+        read_until_error(meter, readings)
     assert len(readings) == 3
     meter.close()
 

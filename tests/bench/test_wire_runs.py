@@ -54,7 +54,7 @@ class WiredRig:
     board_faults: Faults
 
     def record(self, watch: Callable[[Tick], None] | None = None) -> RecordedRun:
-        return record(*(self.folder / name for name in ("protocol.toml", "wired.toml", "out")), watch=watch)
+        return record(self.folder / "protocol.toml", self.folder / "wired.toml", self.folder / "out", watch=watch)
 
     def change(self, old: str, new: str) -> None:
         """Replace part of the rig file."""
@@ -150,8 +150,8 @@ def test_run_over_wires_gives_response_of_sensors(wired: WiredRig) -> None:
     assert lens["right", -2.8] < lens["right", 2.8] - 1.0
     assert lens["left", 2.8] < lens["left", -2.8] - 1.0
     # without wires, only the angle between two readings of the position differs
-    files = (wired.folder / name for name in ("protocol.toml", "rig.toml", "out"))
-    simulated = study([record(*files, options=RecordOptions(name="simulated")).path]).to_dict()
+    files = wired.folder / "protocol.toml", wired.folder / "rig.toml", wired.folder / "out"
+    simulated = study([record(*files, RecordOptions(name="simulated")).path]).to_dict()
     for (side, angle), volts in lens.items():
         assert volts == pytest.approx(volts_at(simulated, "A", side, angle), abs=0.1)
 
@@ -352,7 +352,7 @@ def test_reference_move_needs_confirmation(wired: WiredRig) -> None:
             questions.append(question)
             return bool(reply)
 
-        files = (wired.folder / name for name in ("protocol.toml", "wired.toml", "out"))
+        files = wired.folder / "protocol.toml", wired.folder / "wired.toml", wired.folder / "out"
         return record(*files, confirm=None if reply is None else confirm)
 
     for reply in (None, False):
