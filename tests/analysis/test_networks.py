@@ -328,9 +328,7 @@ def test_clipped_readings_of_a_journal_are_counted_as_those_of_its_recording(ben
         without_tracing(patch)
         patch.setattr(Journal, "end", kept_journal)
         recorded = record(tmp_path / "plan.toml", tmp_path / "rig.toml", tmp_path, RecordOptions())
-    assert any(
-        "fork.a: readings clipped at a limit of the converter's range: end " in line for line in recorded.warnings
-    )
+    assert any("fork.a: readings are clipped at a limit of the range: end " in line for line in recorded.warnings)
     found = [decode(file, str(tmp_path / name)).result for name in ("plan.nc", "kept-plan.journal")]
     assert found[0].clipped == found[1].clipped > 10
     with pytest.raises(DataError, match="solen bench recover"):
