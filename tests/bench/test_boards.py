@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no ps
 
 RIG = """
 schema = 1
-name = "ten euros"
+name = "one board"
 [stage]
 driver = "board"
 steps_per_unit = 100.0

@@ -67,22 +67,22 @@ def on_failure(undo: Callable[[], object]) -> Iterator[None]:
         raise
 
 
-def _on_serial_line(rig: "Rig", build: "Callable[[StageTable, Link], Stage]") -> Stage:
-    """Return a stage on its own line, which is closed if the stage cannot be connected."""
+@contextmanager
+def _serial_link(port: str | None, baud: int) -> "Iterator[Link]":
+    """Open a line, and close it if the instrument at its end cannot be opened."""
     from solen.bench.link import open_link
 
-    link = open_link(str(rig.stage.port), baud=rig.stage.baud)
+    link = open_link(str(port), baud=baud)
     with on_failure(link.close):
-        return build(rig.stage, link)
+        yield link
 
 
 def _gcs2(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.gcs2 import Gcs2Stage
 
-    def build(table: "StageTable", link: "Link") -> Stage:
+    table = rig.stage
+    with _serial_link(table.port, table.baud) as link:
         return Gcs2Stage(link, clock, stage=table.model, unit=table.unit, axis=table.axis, address=table.address)
-
-    return _on_serial_line(rig, build)
 
 
 def _axis_letter(table: "StageTable") -> str:
@@ -93,38 +93,40 @@ def _axis_letter(table: "StageTable") -> str:
 def _grbl(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.grbl import GrblStage
 
-    def build(table: "StageTable", link: "Link") -> Stage:
+    table = rig.stage
+    with _serial_link(table.port, table.baud) as link:
         return GrblStage(link, clock, unit=table.motion_unit, axis=_axis_letter(table))
-
-    return _on_serial_line(rig, build)
 
 
 def _marlin(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.marlin import MarlinStage
 
-    def build(table: "StageTable", link: "Link") -> Stage:
+    table = rig.stage
+    with _serial_link(table.port, table.baud) as link:
         return MarlinStage(link, clock, unit=table.motion_unit, axis=_axis_letter(table))
-
-    return _on_serial_line(rig, build)
 
 
 def _zaber(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.zaber import ZaberStage
 
-    def build(table: "StageTable", link: "Link") -> Stage:
-        steps, unit = table.steps, table.motion_unit
-        return ZaberStage(link, clock, steps_per_unit=steps, unit=unit, axis=table.axis, address=table.address or 1)
-
-    return _on_serial_line(rig, build)
+    table = rig.stage
+    with _serial_link(table.port, table.baud) as link:
+        return ZaberStage(
+            link,
+            clock,
+            steps_per_unit=table.steps,
+            unit=table.motion_unit,
+            axis=table.axis,
+            address=table.address or 1,
+        )
 
 
 def _kinesis(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.kinesis import KinesisStage
 
-    def build(table: "StageTable", link: "Link") -> Stage:
+    table = rig.stage
+    with _serial_link(table.port, table.baud) as link:
         return KinesisStage(link, clock, counts_per_unit=table.steps, unit=table.motion_unit)
-
-    return _on_serial_line(rig, build)
 
 
 def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a stage turned by hand needs no clock
@@ -149,17 +151,15 @@ def _serial_board(rig: "Rig", clock: Clock) -> "SerialBoard":
 
     table, layout = rig.board, Layout(rig.emitters, rig.inputs)
     period_s = 1.0 / table.rate_hz
-    return _board_at(str(table.port), table.baud, clock, layout, period_s=period_s, volts_per_count=table.step)
+    return _board_at(table.port, table.baud, clock, layout, period_s=period_s, volts_per_count=table.step)
 
 
 def _board_at(
-    port: str, baud: int, clock: Clock, layout: "Layout", *, period_s: float = 0.02, volts_per_count: float = 1.0
+    port: str | None, baud: int, clock: Clock, layout: "Layout", *, period_s: float = 0.02, volts_per_count: float = 1.0
 ) -> "SerialBoard":
     from solen.bench.board import SerialBoard
-    from solen.bench.link import open_link
 
-    link = open_link(port, baud=baud)
-    with on_failure(link.close):
+    with _serial_link(port, baud) as link:
         return SerialBoard(link, clock, layout, period_s=period_s, volts_per_count=volts_per_count)
 
 

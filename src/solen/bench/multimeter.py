@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from solen.bench.clock import Clock
+from solen.bench.drivers import on_failure
 from solen.bench.meter import PolledMeter, Reading, steady_reading
-from solen.bench.visa import Scpi, close_on_failure, open_all
+from solen.bench.visa import Scpi, open_all
 
 OVERRANGE = 9.0e37
 """Absolute value above which a reading means overrange, or not a number."""
@@ -54,7 +55,7 @@ class Multimeters(PolledMeter):
         timeout_s: float = 5.0,
     ) -> None:
         self._meters = open_all(addresses, lambda name: Scpi(name, backend=backend, timeout_s=timeout_s))
-        with close_on_failure(self._meters):
+        with on_failure(self.release):
             for meter in self._meters:
                 meter.send_commands(setup)
         self._query = query

@@ -20,9 +20,10 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock import Clock
 from solen.bench.daq import Setup
+from solen.bench.drivers import on_failure
 from solen.bench.meter import PolledMeter, Reading, steady_reading
 from solen.bench.phases import clock_of, states
-from solen.bench.visa import Scpi, close_on_failure
+from solen.bench.visa import Scpi
 from solen.errors import DataError
 
 MIN_CODE, MAX_CODE = 1, 255
@@ -121,7 +122,7 @@ class Oscilloscope(PolledMeter):
         timeout_s: float = 5.0,
     ) -> None:
         self._scope = Scpi(address, backend=backend, timeout_s=timeout_s)
-        with close_on_failure([self._scope]):
+        with on_failure(self._scope.close):
             manufacturer = self._scope.identity.split(",")[0].split(" ")[0].upper()
             if manufacturer not in DIALECTS:
                 limit = f"is {self._scope.identity!r}; supported are those of {', '.join(DIALECTS)}"

@@ -38,7 +38,7 @@ UNEVEN = 0.02
 ZERO_S = 0.5
 """Duration in s at the beginning of a video whose median angle is the zero."""
 _MIN_ZERO_FRAMES = 4  # frames needed to determine whether the marker is at rest
-_MOVED = 3.0  # shift between the halves of this beginning, in uncertainties, above which the marker moves
+_MAX_SHIFT = 3.0  # shift between the halves of this beginning, in uncertainties, above which the marker moves
 MIN_GLOW = 6.0
 """Smallest ratio of the glow to its noise."""
 
@@ -285,7 +285,7 @@ def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
     half = len(angle) // 2
     shift = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))
-    if max(abs(shift), spread) <= _MOVED * u_deg:
+    if max(abs(shift), spread) <= _MAX_SHIFT * u_deg:
         return 0.0
     largest = float(np.abs(angle).max())
     warnings.append(

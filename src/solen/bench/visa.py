@@ -10,6 +10,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from solen.bench.drivers import on_failure
 from solen.errors import BenchError
 from solen.extras import need
 
@@ -36,15 +37,12 @@ class Scpi:
         self.address = address
         with self._translated():
             self._manager, self._session = _open(address, backend)
-        try:
+        with on_failure(self.close):
             with self._translated():
                 self._session.timeout = 1e3 * timeout_s
                 self._session.read_termination = self._session.write_termination = "\n"
             self.identity = self.query("*IDN?")
             self.write("*CLS")
-        except BaseException:
-            self.close()
-            raise
 
     def write(self, text: str) -> None:
         """Send a command or a query."""
@@ -104,20 +102,9 @@ def _open(address: str, backend: str) -> tuple[Any, Any]:
     return manager, manager.open_resource(address)
 
 
-@contextlib.contextmanager
-def close_on_failure(sessions: list[Scpi]) -> Iterator[None]:
-    """Close the sessions if the body fails."""
-    try:
-        yield
-    except BaseException:
-        for session in sessions:
-            session.close()
-        raise
-
-
 def open_all(addresses: tuple[str, ...], open_session: Callable[[str], Scpi]) -> list[Scpi]:
     """Open sessions with several instruments; if one fails, the others are closed."""
-    sessions: list[Scpi] = []
-    with close_on_failure(sessions):
-        sessions.extend(open_session(address) for address in addresses)
+    with contextlib.ExitStack() as opened:
+        sessions = [opened.enter_context(contextlib.closing(open_session(address))) for address in addresses]
+        opened.pop_all()
     return sessions

@@ -19,7 +19,7 @@ from solen.cli import run_command
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 RIG = """
 schema = 1
-name = "ten euros"
+name = "mount turned by hand"
 [stage]
 driver = "hand"
 [board]
