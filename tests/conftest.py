@@ -24,7 +24,8 @@ for library in ("OMP", "OPENBLAS", "MKL"):
 SLOW = {
     "agreement/test_lens_in_space.py",
     "bench/test_kills.py",
-    "bench/test_ten_euros.py",
+    "bench/test_meters.py",
+    "bench/test_wire_runs.py",
     "explore/test_tuning.py",
     "house/test_documents.py",
     "house/test_every_command.py",

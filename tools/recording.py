@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.bench.simulated.sensors import ANGLES, between, traced
+from solen.bench.simulated.sensors import ANGLES, interpolation, traced
 from solen.readout import circuit_of, face_areas_mm2, volts
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
@@ -50,7 +50,7 @@ def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> Floa
     traced_deg, fractions = traced(sensor, np.linspace(-end, end, ANGLES))
     areas = face_areas_mm2(sensor.design, sensor.body())
     circuit = circuit_of(sensor.design, {side: areas[side] for side in ("left", "right")})
-    light = between(traced_deg, fractions[:, ::-1])
+    light = interpolation(traced_deg, fractions[:, ::-1])
     fading = 1.0 + DRIFT * np.linspace(0.0, 1.0, angle_deg.size)[:, None]
     return volts(light(angle_deg) * fading, circuit, rng=rng)
 

@@ -22,7 +22,7 @@ from solen.bench.starter import starter_files
 from solen.geometry.coupons import layout
 from solen.material.index import forward
 from tests.bench.video_support import Camera as VideoCamera
-from tests.bench.video_support import cells, seen_by, write_avi
+from tests.bench.video_support import cells, oblique_view, write_avi
 from tests.fabricate.test_printed_command import features_file
 from tests.metrology.coupon_support import Camera, Print
 from tests.metrology.test_micrometer import ruler
@@ -159,12 +159,12 @@ def micrometer() -> bytes:
 
 
 def marker() -> bytes:
-    """Return a two-second video of a marker that is at rest, then turns by ±3° and back."""
-    camera = VideoCamera(seen_by(20.0, 0.0), cells("DICT_4X4_1000", 3, 6), noise=1.0)
+    """Return a video of a marker that rests, then turns by ±3° and back, in two seconds."""
+    eye = VideoCamera(oblique_view(20.0, 0.0), cells("DICT_4X4_1000", 3, 6), noise=1.0)
     angles = 3.0 * np.sin(2 * np.pi * np.clip(np.arange(42) - 12, 0, 30) / 30)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "marker.avi"
-        write_avi(file, (camera.picture(float(angle)) for angle in angles), 20.0)
+        write_avi(file, (eye.frame(float(angle)) for angle in angles), 20.0)
         return file.read_bytes()
 
 

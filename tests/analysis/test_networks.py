@@ -29,7 +29,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.bench.calibrate import calibrate
 from solen.pipeline.bench.decode import decode
 from solen.recording import Provenance
-from tests.bench.lsl_support import kept_streams
+from tests.bench.lsl_support import recorded_streams
 from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, RIG, SWAY, light, without_tracing, write
 from tests.command_support import answered
 
@@ -314,7 +314,7 @@ def test_results_of_a_network_match_their_schemas(bench: Path, capfd: pytest.Cap
 
 
 def test_follows_a_run_of_a_network(bench: Path, bench_calibration: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    closed, followed, streams = io.StringIO(), io.StringIO(), kept_streams(monkeypatch)
+    closed, followed, streams = io.StringIO(), io.StringIO(), recorded_streams(monkeypatch)
     of_recording = decode(bench_calibration, str(bench / "visits.nc"), rows=closed).result
     data, growing = (bench / "kept-visits.journal").read_bytes(), bench / "growing.journal"
     cuts = np.linspace(len(data) // 3, len(data), 5).astype(int).tolist()

@@ -1,8 +1,8 @@
-"""Devices behind NI-DAQmx's C functions, as `nidaqmx` calls them, and the conversation with it in writing.
+"""Simulated C functions of NI-DAQmx, as `nidaqmx` calls them, with a transcript of the calls.
 
-The package itself runs as it is: each function takes its arguments as ctypes would pass them, by the argument types
-that the package states, writes them down as the C call they make, and answers by what the instrument would hold. Errors
-of the driver are answered where a test asks for them. Numbers of attributes and constants are those of NIDAQmx.h.
+The package itself is unchanged: each simulated function checks its arguments against the ctypes argument types that the
+package declares, records the call, and returns what a device would return, or an error code that a test has set.
+Numbers of attributes and constants are those of NIDAQmx.h.
 """
 
 import ctypes
@@ -28,7 +28,7 @@ CHANNEL = {
     0x2179: "DO.NumLines",
 }
 SYSTEM = {0x1272: "MajorVersion", 0x1923: "MinorVersion", 0x2F22: "UpdateVersion", 0x193B: "DevNames"}
-WORDS = {
+ERROR_TEXTS = {
     -200220: "Device identifier is invalid.\nDevice Specified: Dev9",
     -50103: "The specified resource is reserved. The operation could not be completed as specified.",
     -200279: "The application is not able to keep up with the hardware acquisition.",
@@ -36,9 +36,9 @@ WORDS = {
     -88709: "The specified operation cannot be performed because a task has been aborted or a device is being removed.",
     -200170: "Physical channel specified does not exist on this device.",
     -200197: "Specified property is not supported by the device or is not applicable to the task.",
-    -200999: "Words that nobody foresaw.\nSecond line",
+    -200999: "An unknown error.\nSecond line",
 }
-SILENT = {
+NOT_RECORDED = {
     "DAQmxGetSystemInfoAttribute",
     "DAQmxGetTaskAttribute",
     "DAQmxGetExtendedErrorInfo",
@@ -46,38 +46,37 @@ SILENT = {
     "DAQmxGetDeviceAttribute",
     "DAQmxGetPhysicalChanAttribute",
 }
-"""Calls that the package makes for itself, and questions for what a device can do."""
+"""Internal calls of the package, and queries of the properties of a device."""
 
 
 class Function:
-    """One C function: arguments as ctypes takes them, written down, and answered."""
+    """A C function, called by the package with ctypes arguments."""
 
     def __init__(self, library: "Library", name: str) -> None:
         self.argtypes: list[Any] | None = None
         self._library, self._name = library, name
 
-    def __call__(self, *given: Any) -> int:
-        for kind, value in zip(self.argtypes or (), given, strict=False):
-            kind.from_param(value)  # refuses what the C function would not take
+    def __call__(self, *arguments: Any) -> int:
+        for kind, value in zip(self.argtypes or (), arguments, strict=False):
+            kind.from_param(value)  # raises an error for a type that the C function does not accept
         named = len(self.argtypes or ())
-        plain = [_plain(value) for value in given[:named]] + [_plain_more(value) for value in given[named:]]
-        if self._name not in SILENT:
-            self._library.said.append(
-                f"{self._name.removeprefix('DAQmx')}({', '.join(_written(one) for one in plain)})"
-            )
-        code = self._library.faults.get(self._name, [])
-        if code and (now := code.pop(0)):
-            self._library.words = WORDS[now]
-            return now
-        answer: Callable[..., int | None] = getattr(self._library, "_" + self._name.removeprefix("DAQmx"))
-        return answer(*plain) or 0
+        plain = [_plain(value) for value in arguments[:named]] + [_plain_extra(value) for value in arguments[named:]]
+        name = self._name.removeprefix("DAQmx")
+        if self._name not in NOT_RECORDED:
+            self._library.calls.append(f"{name}({', '.join(map(_text, plain))})")
+        codes = self._library.faults.get(self._name, [])
+        if codes and (code := codes.pop(0)):
+            self._library.error_text = ERROR_TEXTS[code]
+            return code
+        function: Callable[..., int | None] = getattr(self._library, f"_{name}")
+        return function(*plain) or 0
 
 
 class Pointer:
-    """Where an answer goes."""
+    """Pointer to a result."""
 
-    def __init__(self, to: Any) -> None:
-        self.to = to
+    def __init__(self, target: Any) -> None:
+        self.target = target
 
 
 def _plain(value: Any) -> Any:
@@ -90,12 +89,12 @@ def _plain(value: Any) -> Any:
     return value.value if isinstance(value, ctypes._SimpleCData) else value
 
 
-def _plain_more(value: Any) -> Any:
-    """Of what a function takes beyond its stated types, an address is where an array's answer goes."""
+def _plain_extra(value: Any) -> Any:
+    """Return an argument beyond the declared types, of which an address is the pointer to an array."""
     return Pointer(value) if isinstance(value, ctypes.c_void_p) else _plain(value)
 
 
-def _written(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, Pointer):
         return "&"
     if isinstance(value, np.ndarray):
@@ -110,16 +109,16 @@ class Library:
 
     Attributes
     ----------
-    said
+    calls
         Calls in their order.
     faults
-        Error codes that the next calls of a function are answered with; 0 for none.
-    waiting
-        Counts (channels, N) that were sampled and not read.
+        Error codes that the next calls of a function return; 0 for success.
+    sampled
+        Counts (channels, N) that were sampled but not read.
     lines, running, pattern
-        Levels of static lines; tasks that put out pulses or a pattern, and that, (lines, samples).
+        Levels of static lines; tasks that output pulses or a pattern, and that pattern, (lines, samples).
     tasks
-        Numbers of tasks that are not cleared, each with its channels.
+        Channels of each task that is not cleared, keyed by number.
     missing
         Functions that an older driver does not have.
     """
@@ -128,17 +127,17 @@ class Library:
 
     def __init__(self, kind: str = "USB-6218") -> None:
         self.devices = {"Dev1": kind, "Dev2": "USB-6009"}
-        self.facts = DEVICES[kind]
-        self.said: list[str] = []
+        self.device = DEVICES[kind]
+        self.calls: list[str] = []
         self.faults: dict[str, list[int]] = {}
-        self.words = ""
-        self.waiting = np.zeros((0, 0), np.int16)
+        self.error_text = ""
+        self.sampled = np.zeros((0, 0), np.int16)
         self.lines: dict[str, bool] = {}
         self.running: set[int] = set()
         self.tasks: dict[int, list[str]] = {}
         self.pattern: NDArray[np.bool_] | None = None
         self.missing: set[str] = {"DAQmxInternalGetLastCreatedChan"}
-        self._made, self._rate, self._frequency, self._range_v = 0, 0.0, 0.0, 0.0
+        self._last_task, self._rate, self._frequency, self._range_v = 0, 0.0, 0.0, 0.0
         self._functions: dict[str, Function] = {}
 
     def __getattr__(self, name: str) -> Function:
@@ -148,7 +147,7 @@ class Library:
 
     @property
     def dark(self) -> bool:
-        """Whether nothing lights an emitter: no counter runs, every line is low, and no task is held."""
+        """Whether all emitters are off: no task runs or is reserved, and every line is low."""
         return not self.running and not any(self.lines.values()) and not self.tasks
 
     def _SetRuntimeEnvironment(self, *_: Any) -> None:
@@ -156,65 +155,65 @@ class Library:
 
     def _GetSystemInfoAttribute(self, attribute: int, to: Any, size: int = 0) -> int:
         if SYSTEM[attribute] == "DevNames":
-            return _text(", ".join(self.devices), to, size)
-        to.to.value = 20
+            return _put_text(", ".join(self.devices), to, size)
+        to.target.value = 20
         return 0
 
     def _GetDeviceAttribute(self, device: str, attribute: int, to: Any, size: int = 0) -> int:
         if device not in self.devices:
-            self.words = WORDS[-200220]
+            self.error_text = ERROR_TEXTS[-200220]
             return -200220
         value = DEVICES[self.devices[device]].property(attribute)
         if value is None:
             return self._unknown()
         if isinstance(value, str):
-            return _text(value, to, size)
+            return _put_text(value, to, size)
         if not isinstance(value, tuple):
-            to.to.value = value
+            to.target.value = value
         elif value and isinstance(value[0], float):
-            return _numbers(value, to, size)
+            return _put_numbers(value, to, size)
         else:
-            return _text(", ".join(f"{device}/{name}" for name in value), to, size)
+            return _put_text(", ".join(f"{device}/{name}" for name in value), to, size)
         return 0
 
     def _GetPhysicalChanAttribute(self, channel: str, attribute: int, to: Any) -> int:
         assert attribute == 0x2342
         device, _, name = channel.partition("/")
-        to.to.value = DEVICES[self.devices[device]].wired[name]
+        to.target.value = DEVICES[self.devices[device]].wirings[name]
         return 0
 
     def _unknown(self) -> int:
-        self.words = WORDS[-200197]
+        self.error_text = ERROR_TEXTS[-200197]
         return -200197
 
     def _GetExtendedErrorInfo(self, to: Any, _: int) -> None:
-        to.value = self.words.encode()
+        to.value = self.error_text.encode()
 
     def _CreateTask(self, _: str, to: Pointer) -> None:
-        self._made += 1
-        self.tasks[self._made] = []
-        to.to.value = self._made
+        self._last_task += 1
+        self.tasks[self._last_task] = []
+        to.target.value = self._last_task
 
     def _GetTaskAttribute(self, task: int, attribute: int, to: Any, size: int) -> int:
         text = {0x1276: f"_unnamedTask<{task}>", 0x1273: ", ".join(self.tasks[task])}[attribute]
-        return _text(text, to, size)
+        return _put_text(text, to, size)
 
     def _CreateAIVoltageChan(
-        self, task: int, channel: str, _: str, wired: int, _low: float, high: float, *__: Any
+        self, task: int, channel: str, _: str, terminal: int, _low: float, high: float, *__: Any
     ) -> None:
         self.tasks[task].append(channel)
-        alone = self.facts.real_v if wired != 10106 else 0.0
-        self._range_v = alone or high
+        single_ended_v = self.device.single_ended_v if terminal != 10106 else 0.0
+        self._range_v = single_ended_v or high
 
-    def _CreateCOPulseChanFreq(self, task: int, counter: str, *more: Any) -> None:
+    def _CreateCOPulseChanFreq(self, task: int, counter: str, *settings: Any) -> None:
         self.tasks[task].append(counter)
-        self._frequency = more[4]
+        self._frequency = settings[4]
 
     def _CreateDOChan(self, task: int, line: str, *_: Any) -> None:
         self.tasks[task].append(line)
 
     def _CfgSampClkTiming(self, _task: int, _: str, rate: float, *__: Any) -> None:
-        self._rate = 20e6 / round(20e6 / rate)  # a whole number of ticks of 20 MHz
+        self._rate = 20e6 / round(20e6 / rate)  # an integer number of ticks at 20 MHz
 
     def _CfgImplicitTiming(self, *_: Any) -> None:
         pass
@@ -229,26 +228,31 @@ class Library:
         assert CHANNEL[attribute] == "CO.Pulse.Term"
 
     def _GetTimingAttribute(self, _task: int, attribute: int, to: Pointer) -> int:
-        if TIMING[attribute] == "AIConv.Rate" and not self.facts.converts:
+        if TIMING[attribute] == "AIConv.Rate" and not self.device.reports_conversion:
             return self._unknown()
-        to.to.value = self._rate if TIMING[attribute] == "SampClk.Rate" else 71_428.0
+        to.target.value = self._rate if TIMING[attribute] == "SampClk.Rate" else 71_428.0
         return 0
 
     def _GetChanAttribute(self, _task: int, _channel: str, attribute: int, to: Any, size: int = 0) -> int:
         name = CHANNEL[attribute]
         if name == "AI.DevScalingCoeff":
-            return _numbers(self.coefficients, to, size)
-        ends = {"AI.Rng.High": self._range_v, "AI.Rng.Low": -self._range_v, "AI.Resolution": float(self.facts.bits)}
-        known = {"CO.Pulse.Freq": self._frequency, "ChanType": 10153, "DO.NumLines": 1}
-        to.to.value = (known | ends)[name]
+            return _put_numbers(self.coefficients, to, size)
+        to.target.value = {
+            "AI.Rng.High": self._range_v,
+            "AI.Rng.Low": -self._range_v,
+            "AI.Resolution": float(self.device.bits),
+            "CO.Pulse.Freq": self._frequency,
+            "ChanType": 10153,
+            "DO.NumLines": 1,
+        }[name]
         return 0
 
     def _GetWriteAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
-        to.to.value = {0x217F: 1, 0x217E: len(self.tasks[_task])}[attribute]
+        to.target.value = {0x217F: 1, 0x217E: len(self.tasks[_task])}[attribute]
 
     def _GetReadAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
         assert READ[attribute] == "AvailSampPerChan"
-        to.to.value = self.waiting.shape[1]
+        to.target.value = self.sampled.shape[1]
 
     def _TaskControl(self, *_: Any) -> None:
         pass
@@ -258,7 +262,7 @@ class Library:
             self.running.add(task)
 
     def _IsTaskDone(self, task: int, to: Pointer) -> None:
-        to.to.value = task not in self.running
+        to.target.value = task not in self.running
 
     def _StopTask(self, task: int) -> None:
         self.running.discard(task)
@@ -268,13 +272,13 @@ class Library:
         del self.tasks[task]
 
     def _ReadBinaryI16(
-        self, task: int, n: int, _timeout: float, fill: int, to: NDArray[np.int16], size: int, got: Pointer, *_: Any
+        self, task: int, n: int, _timeout: float, fill: int, to: NDArray[np.int16], size: int, read: Pointer, *_: Any
     ) -> None:
         assert fill == 0  # grouped by channel
         assert size >= n * len(self.tasks[task])
-        to.ravel()[: self.waiting.size] = self.waiting[:, :n].ravel()
-        got.to.value = n
-        self.waiting = self.waiting[:, n:]
+        to.ravel()[: self.sampled.size] = self.sampled[:, :n].ravel()
+        read.target.value = n
+        self.sampled = self.sampled[:, n:]
 
     def _WriteDigitalLines(
         self, task: int, n: int, auto: bool, _timeout: float, _layout: int, data: NDArray[np.bool_], *_: Any
@@ -287,58 +291,56 @@ class Library:
             self.pattern = np.array(data, bool).reshape(len(lines), n)
 
 
-def _text(text: str, to: Any, size: int) -> int:
-    """How a string is answered: its length where no place is given."""
+def _put_text(text: str, to: Any, size: int) -> int:
+    """Write a string to a buffer; without a buffer, return its length."""
     if size == 0:
         return len(text) + 1
     to.value = text.encode()
     return 0
 
 
-def _numbers(values: tuple[float, ...], to: Any, size: int) -> int:
-    """How an array is answered: its length where no place is given."""
+def _put_numbers(values: tuple[float, ...], to: Any, size: int) -> int:
+    """Write numbers to a buffer; without a buffer, return their count."""
     if size == 0:
         return len(values)
-    ctypes.memmove(to.to.value, (ctypes.c_double * size)(*values), 8 * size)
+    ctypes.memmove(to.target.value, (ctypes.c_double * size)(*values), 8 * size)
     return 0
 
 
-class Rig(Library):
-    """An instrument whose inputs see an emitter that its counter switches.
+class SimulatedRig(Library):
+    """A device whose inputs respond to an emitter that it switches.
 
     Parameters
     ----------
     clock
-        What time passes by.
-    lit, dark_counts
+        Clock of the device.
+    on, off
         Counts of the inputs with the emitter on and off.
     """
 
-    def __init__(
-        self, clock: Clock, lit: tuple[int, ...], dark_counts: tuple[int, ...], kind: str = "USB-6218"
-    ) -> None:
+    def __init__(self, clock: Clock, on: tuple[int, ...], off: tuple[int, ...], kind: str = "USB-6218") -> None:
         super().__init__(kind)
-        self._clock, self._levels = clock, np.array([lit, dark_counts])
-        self._begun_s, self._read = 0.0, 0
+        self._clock, self._levels = clock, np.array([on, off])
+        self._begin_s, self._read = 0.0, 0
 
     def _StartTask(self, task: int) -> None:
         super()._StartTask(task)
-        self._begun_s, self._read = self._clock.now_s(), 0
+        self._begin_s, self._read = self._clock.now_s(), 0
 
     def _sample(self) -> None:
-        """What was sampled up to now and is not read."""
-        taken = int((self._clock.now_s() - self._begun_s) * self._rate + 1e-6)
+        """Set the samples that were taken up to now but not read."""
+        taken = int((self._clock.now_s() - self._begin_s) * self._rate + 1e-6)
         number = np.arange(self._read, taken)
         if self.pattern is None:
             on = (number * self._frequency / self._rate + 1e-9) % 1.0 < 0.5
         else:
             on = self.pattern[0, number % self.pattern.shape[1]]
-        self.waiting = np.where(on, *self._levels[:, :, None]).astype(np.int16)
+        self.sampled = np.where(on, *self._levels[:, :, None]).astype(np.int16)
 
     def _GetReadAttribute(self, task: int, attribute: int, to: Pointer) -> None:
         self._sample()
         super()._GetReadAttribute(task, attribute, to)
 
-    def _ReadBinaryI16(self, task: int, n: int, *more: Any) -> None:
-        super()._ReadBinaryI16(task, n, *more)
+    def _ReadBinaryI16(self, task: int, n: int, *arguments: Any) -> None:
+        super()._ReadBinaryI16(task, n, *arguments)
         self._read += n

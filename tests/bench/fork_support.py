@@ -1,77 +1,178 @@
-"""Runs of the program in processes of their own, forked from one that has loaded it: quick to start, real to kill.
+"""Runs of the program in separate processes, to be killed: forked from one that has loaded it, or started as usual.
 
-POSIX only.
+Forked processes start quickly, but need POSIX.
 """
 
 import contextlib
 import json
+import math
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
-FORKS = """
+SERVER = """
 import json, os, signal, sys
 import h5netcdf, h5py, pydantic, scipy.interpolate, serial
-import solen.bench.board, solen.bench.gcs2, solen.bench.record, solen.cli.bench.record
+import solen.bench.board, solen.bench.gcs2, solen.bench.record, solen.bench.simulated.instruments
+import solen.cli.bench.record
 from solen.cli import run_command
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for name in ("SIGTERM", "SIGHUP"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
+codes = {}
 for line in sys.stdin:
-    folder, said, *words = json.loads(line)
-    child = os.fork()
-    if child == 0:
-        os.chdir(folder)
-        for stream, name in ((0, os.devnull), (1, os.devnull), (2, said)):
-            os.dup2(os.open(name, os.O_RDWR | os.O_CREAT | os.O_TRUNC), stream)
-        os._exit(run_command(words))
-    print(child, flush=True)
-    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+    order, *arguments = json.loads(line)
+    if order == "start":
+        folder, stderr, *words = arguments
+        reply = os.fork()
+        if reply == 0:
+            os.chdir(folder)
+            for stream, name in ((0, os.devnull), (1, os.devnull), (2, stderr)):
+                os.dup2(os.open(name, os.O_RDWR | os.O_CREAT | os.O_TRUNC), stream)
+            os._exit(run_command(words))
+    else:
+        pid, = arguments
+        if pid not in codes:
+            ended, status = os.waitpid(pid, os.WNOHANG if order == "poll" else 0)
+            codes |= {pid: os.waitstatus_to_exitcode(status)} if ended else {}
+        reply = codes.get(pid)
+    print(json.dumps(reply), flush=True)
 """
 
 
-@dataclass
-class Forked:
-    """A run under way."""
+class Process(Protocol):
+    """Part of a `subprocess.Popen`."""
 
-    by: "subprocess.Popen[str]"
-    said: Path
-    pid: int
+    def send_signal(self, sig: int) -> None: ...
+    def kill(self) -> None: ...
+    def poll(self) -> int | None: ...
+    def wait(self) -> int | None: ...
 
-    def kill(self, number: int) -> None:
-        """Send it a signal."""
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(self.pid, number)
 
-    def wait(self) -> tuple[int, str]:
-        """Exit code, below 0 for the signal that killed it, and what it wrote to stderr."""
-        assert self.by.stdout is not None
-        return int(self.by.stdout.readline()), self.said.read_text(encoding="utf-8")
+Start = Callable[..., Process]
+"""Starts ``solen WORDS`` in a folder, given the folder and the words; stderr goes to the file of that name there."""
+
+
+def start_process(folder: Path, *words: str) -> "subprocess.Popen[bytes]":
+    """Start ``solen WORDS`` in a folder in a new Python process."""
+    with (folder / "stderr").open("wb") as stderr:
+        return subprocess.Popen(
+            [sys.executable, "-m", "solen", *words],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+        )
 
 
 @dataclass
 class Forks:
-    """What starts runs, one after the other has ended."""
+    """A server that forks runs of the program."""
 
-    by: "subprocess.Popen[str]"
+    process: "subprocess.Popen[str]"
 
-    def start(self, folder: Path, *words: str) -> Forked:
-        """Begin ``solen WORDS`` in a folder."""
-        assert self.by.stdin is not None
-        assert self.by.stdout is not None
-        said = folder / "stderr"
-        self.by.stdin.write(json.dumps([str(folder), str(said), *words]) + "\n")
-        self.by.stdin.flush()
-        return Forked(self.by, said, int(self.by.stdout.readline()))
+    def start(self, folder: Path, *words: str) -> "Forked":
+        """Start ``solen WORDS`` in a folder in a forked process."""
+        pid = self.request("start", str(folder), str(folder / "stderr"), *words)
+        assert pid is not None
+        return Forked(self, pid)
+
+    def request(self, *order: str | int) -> int | None:
+        """Send an order to the server, and return its reply."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(json.dumps(order) + "\n")
+        self.process.stdin.flush()
+        reply: int | None = json.loads(self.process.stdout.readline())
+        return reply
+
+
+@dataclass
+class Forked:
+    """A run in a forked process."""
+
+    server: Forks
+    pid: int
+
+    def send_signal(self, sig: int) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, sig)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def poll(self) -> int | None:
+        """Return the exit code, negative for the signal that ended it; None while it runs."""
+        return self.server.request("poll", self.pid)
+
+    def wait(self) -> int | None:
+        """Wait until it has ended, and return the exit code."""
+        return self.server.request("wait", self.pid)
 
 
 @contextlib.contextmanager
-def forks() -> Iterator[Forks]:
-    """A process that has loaded the program."""
-    line, pipe = [sys.executable, "-c", FORKS], subprocess.PIPE
-    with subprocess.Popen(line, stdin=pipe, stdout=pipe, text=True, encoding="utf-8") as by:
+def fork_server() -> Iterator[Forks]:
+    """Process that has loaded the program."""
+    line, pipe = [sys.executable, "-c", SERVER], subprocess.PIPE
+    with subprocess.Popen(line, stdin=pipe, stdout=pipe, text=True, encoding="utf-8") as process:
         try:
-            yield Forks(by)
+            yield Forks(process)
         finally:
-            by.kill()
+            process.kill()
+
+
+@dataclass
+class Killed:
+    """A run that was killed.
+
+    Attributes
+    ----------
+    folder, name
+        Folder with the rig, and name of the run.
+    killed_s
+        Time just before the kill, by the clock of the computer.
+    """
+
+    folder: Path
+    name: str
+    killed_s: float
+
+    @property
+    def journal(self) -> Path:
+        return self.folder / "out" / f"{self.name}.journal"
+
+    @property
+    def recording(self) -> Path:
+        return self.journal.with_suffix(".nc")
+
+
+def kill_runs(
+    start: Start, folder: Path, delays_s: list[float], first: int = 0, *, from_sampling: bool = False
+) -> list[Killed]:
+    """Run in real time in parallel, and kill each run a delay after its start or, `from_sampling`, its first sample."""
+    words = ("bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out", "--real-time", "--name")
+    delay_s = {f"k{number}": delay for number, delay in enumerate(delays_s, first)}
+    alive = {name: start(folder, *words, name) for name in delay_s}
+    begin_s = {} if from_sampling else dict.fromkeys(delay_s, time.monotonic())
+    killed = []
+    while alive:
+        for name in list(alive):
+            run = Killed(folder, name, time.time())
+            if name not in begin_s and (run.journal.exists() or run.recording.exists()):
+                begin_s[name] = time.monotonic()
+            if time.monotonic() - begin_s.get(name, math.inf) >= delay_s[name]:
+                process = alive.pop(name)
+                process.kill()
+                process.wait()
+                killed.append(run)
+            else:
+                assert not alive[name].poll()  # running, or ended without an error
+        time.sleep(0.005)
+    return killed

@@ -1,9 +1,7 @@
-"""A controller that speaks GCS 2.0 and has a simulated axis, for trying drivers and protocols without a stage.
+"""A GCS 2.0 controller with a simulated axis, like a C-863 Mercury.
 
-The idea: bytes in, bytes out, as on the wire of the C-863 Mercury: lines, single characters that are answered at once,
-one error that waits to be asked for. It was written after the manual (PI, MS249E, chapter 8), not after the driver.
-
-The interface: `Gcs2Controller.answer`.
+It handles lines, single characters that are executed at once, and an error code that is kept until it is queried. It
+was written from the manual (PI, MS249E, chapter 8), not from the driver.
 """
 
 from collections.abc import Callable
@@ -24,19 +22,19 @@ class Gcs2Controller:
     Attributes
     ----------
     clock
-        Whose time the axis moves by.
+        Clock of the axis.
     stage
-        Name of the stage that it is set up for.
+        Name of the stage for which it is configured.
     low, high
         Limits of the position.
     highest_velocity
-        Above it a velocity is refused.
+        Highest velocity that it accepts.
     address
-        Its number where several share a line; lines for others are passed over.
+        Address if several controllers share a line; lines for other addresses are ignored.
     reference_s
-        How long finding the reference takes.
+        Duration of the reference move.
     offset
-        Where the axis stands when it is switched on, away from its reference.
+        Position of the axis when the controller is switched on.
     """
 
     clock: Clock
@@ -54,7 +52,7 @@ class Gcs2Controller:
     velocity: float = 10.0
     error: int = 0
     _axis: Axis = field(init=False)
-    _waiting: bytes = b""
+    _line: bytes = b""
     _ready_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -62,32 +60,33 @@ class Gcs2Controller:
 
     @property
     def axis(self) -> Axis:
-        """The axis, for who wants to know where it really is."""
+        """The axis, which knows the true position."""
         return self._axis
 
-    def answer(self, data: bytes) -> bytes:
-        """What it says to bytes that came; what is no whole line waits for more."""
-        answers = b""
+    def reply(self, data: bytes) -> bytes:
+        """Return the reply to some bytes; an incomplete line is kept."""
+        reply = b""
         for byte in data:
             if byte in {_STOP, _MOTION, _READY}:
-                answers += self._single(byte, self._waiting)
-                self._waiting = b""
+                reply += self._single_character(byte, self._line)
+                self._line = b""
             elif byte == 10:
-                line, self._waiting = self._waiting, b""
-                answers += self._line(line.decode("ascii", "replace"))
+                line, self._line = self._line, b""
+                reply += self._reply_line(line.decode("ascii", "replace"))
             else:
-                self._waiting += bytes([byte])
-        return answers
+                self._line += bytes([byte])
+        return reply
 
     def stall(self) -> None:
-        """The axis does not follow any more: its servo goes off, as when something blocks it."""
+        """Stop the axis and switch its servo off, as if it were blocked."""
         self._axis.halt(self.clock.now_s())
         self.servo, self.error = False, 1024
 
-    def _single(self, byte: int, before: bytes) -> bytes:
-        prefix = self._own(before.decode("ascii", "replace"))
-        if prefix is None:
+    def _single_character(self, byte: int, address: bytes) -> bytes:
+        addressed = self._addressed(address.decode("ascii", "replace"))
+        if addressed is None:
             return b""
+        prefix = addressed[1]
         now = self.clock.now_s()
         if byte == _STOP:
             self._axis.halt(now)
@@ -95,42 +94,40 @@ class Gcs2Controller:
             self.error = 10
             return b""
         if byte == _READY:
-            return prefix[1].encode() + (b"\xb1" if now >= self._ready_s else b"\xb0") + b"\n"
-        return f"{prefix[1]}{int(self._axis.moving(now))}\n".encode()
+            return prefix.encode() + (b"\xb1" if now >= self._ready_s else b"\xb0") + b"\n"
+        return f"{prefix}{int(self._axis.moving(now))}\n".encode()
 
-    def _own(self, line: str) -> tuple[str, str] | None:
-        """The line without its address, and what begins the answer; None where another is meant."""
+    def _addressed(self, line: str) -> tuple[str, str] | None:
+        """Return the line without its address, and the prefix of the reply; None for another address."""
         head, _, rest = line.partition(" ")
         if not head.isdigit():
             return (line, "") if self.address in {None, 1} else None
         return (rest, f"0 {head} ") if int(head) == (self.address or 1) else None
 
-    def _line(self, text: str) -> bytes:
-        own = self._own(text)
-        if own is None:
-            return b""
-        words = own[0].split()
-        if not words:
+    def _reply_line(self, text: str) -> bytes:
+        addressed = self._addressed(text)
+        words = [] if addressed is None else addressed[0].split()
+        if addressed is None or not words:
             return b""
         name = words[0].upper()
         if name == "*IDN?":
-            answer = IDENTITY
+            reply = IDENTITY
         elif name == "ERR?":
-            answer, self.error = str(self.error), 0
+            reply, self.error = str(self.error), 0
         elif name == "HLP?":
-            answer = "The following commands are valid: \n*IDN? \nERR?"
-        elif name in self._questions:
-            value = self._asked(words[1:], self._questions[name])
+            reply = "The following commands are valid: \n*IDN? \nERR?"
+        elif name in self._queries:
+            value = self._query(words[1:], self._queries[name])
             if value is None:
                 return b""
-            answer = value
+            reply = value
         else:
-            self._obey(name, words[1:])
+            self._execute(name, words[1:])
             return b""
-        return f"{own[1]}{answer}\n".encode()
+        return f"{addressed[1]}{reply}\n".encode()
 
     @property
-    def _questions(self) -> dict[str, Callable[[], str]]:
+    def _queries(self) -> dict[str, Callable[[], str]]:
         now = self.clock.now_s()
         settled = not self._axis.moves or now >= self._axis.moves[-1].end_s + _SETTLING_S
         return {
@@ -144,13 +141,13 @@ class Gcs2Controller:
             "ONT?": lambda: str(int(self.servo and settled)),
         }
 
-    def _asked(self, words: list[str], value: Callable[[], str]) -> str | None:
+    def _query(self, words: list[str], value: Callable[[], str]) -> str | None:
         if words and words != ["1"]:
             self.error = 15
             return None
         return f"1={value()}"
 
-    def _obey(self, name: str, words: list[str]) -> None:
+    def _execute(self, name: str, words: list[str]) -> None:
         if name not in {"SVO", "FRF", "VEL", "MOV", "HLT", "STP", "RON", "POS"}:
             self.error = 2
         elif name in {"HLT", "STP"}:

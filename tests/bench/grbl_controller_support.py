@@ -1,4 +1,4 @@
-"""A controller that speaks GRBL 1.1 and has a simulated axis: bytes in, bytes out, written after its wiki."""
+"""A GRBL 1.1 controller with a simulated axis, written from the GRBL wiki."""
 
 import re
 from dataclasses import dataclass, field
@@ -16,13 +16,15 @@ class GrblController:
     Attributes
     ----------
     clock
-        Whose time the axis moves by.
+        Clock of the axis.
     homing
-        Whether it has a switch, and is locked until it was homed.
+        Whether it has a switch, and is locked until it has been homed.
     steps
-        Per unit: positions are reported of whole steps.
+        Steps per unit; reported positions are multiples of a step.
     rate
-        Highest velocity, per minute.
+        Highest velocity, in units per minute.
+    moved
+        Jog commands that it has executed.
     """
 
     clock: Clock
@@ -33,38 +35,38 @@ class GrblController:
     alarm: str = ""
     axis: Axis = field(default_factory=lambda: Axis(100.0, 0.0))
     moved: list[str] = field(default_factory=list)
-    _waiting: bytes = b"\r\nGrbl 1.1h ['$' for help]\r\n"
+    _unsolicited: bytes = b"\r\nGrbl 1.1h ['$' for help]\r\n"
     _line: bytes = b""
     _homed_s: float | None = None
 
     def __post_init__(self) -> None:
         self.locked = self.homing
 
-    def answer(self, data: bytes) -> bytes:
-        """What it says to bytes that came; ``?`` and 85h are taken out of the stream and answered at once."""
-        said, self._waiting = self._waiting, b""
+    def reply(self, data: bytes) -> bytes:
+        """Return the reply to some bytes; ``?`` and 85h are removed from the stream and executed at once."""
+        reply, self._unsolicited = self._unsolicited, b""
         for byte in data:
             if byte == ord("?"):
-                said += self._status()
+                reply += self._status()
             elif byte == 0x85:
                 self.axis.halt(self.clock.now_s())
             elif byte == 10:
                 line, self._line = self._line, b""
-                said += self._obey(line.decode())
+                reply += self._execute(line.decode())
             else:
                 self._line += bytes([byte])
         if self._homed_s is not None and self.clock.now_s() >= self._homed_s:
             self._homed_s, self.locked, self.axis = None, False, Axis(100.0, -1.0)
-            said += b"ok\r\n"
-        return said
+            reply += b"ok\r\n"
+        return reply
 
     def _status(self) -> bytes:
         now = self.clock.now_s()
-        at = round(self.axis.at(now) * self.steps) / self.steps
+        position = round(self.axis.at(now) * self.steps) / self.steps
         state = "Alarm" if self.locked else "Jog" if self.axis.moving(now) else "Idle"
-        return f"<{state}|MPos:{at:.3f},0.000,0.000|FS:0,0>\r\n".encode()
+        return f"<{state}|MPos:{position:.3f},0.000,0.000|FS:0,0>\r\n".encode()
 
-    def _obey(self, line: str) -> bytes:
+    def _execute(self, line: str) -> bytes:
         if line == "$I":
             return b"[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n"
         if line == "$$":

@@ -1,4 +1,4 @@
-"""A stand-in for the library of the Lab Streaming Layer, which keeps what it is given."""
+"""A stand-in for the library of the Lab Streaming Layer, which records what it receives."""
 
 import sys
 from types import SimpleNamespace
@@ -7,20 +7,20 @@ from typing import Any
 import pytest
 
 
-def kept_streams(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Descriptions of streams, labels of their channels and samples with their stamps, in their order."""
-    told: list[Any] = []
+def recorded_streams(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Replace the library; return descriptions of streams, channel labels, and samples with times, in their order."""
+    entries: list[Any] = []
 
     class Element:
         def append_child(self, name: str) -> "Element":  # noqa: ARG002
             return self
 
         def append_child_value(self, name: str, value: str) -> None:
-            told.append((name, value))
+            entries.append((name, value))
 
     class Info:
-        def __init__(self, *given: Any) -> None:
-            told.append(given)
+        def __init__(self, *description: Any) -> None:
+            entries.append(description)
 
         def desc(self) -> Element:
             return Element()
@@ -29,10 +29,10 @@ def kept_streams(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         def __init__(self, info: Info) -> None:
             assert isinstance(info, Info)
 
-        def push_sample(self, values: list[float], at_s: float) -> None:
-            told.append((values, at_s))
+        def push_sample(self, values: list[float], time_s: float) -> None:
+            entries.append((values, time_s))
 
-    numbers = {"IRREGULAR_RATE": 0.0, "cf_double64": 2, "__spec__": object()}
-    fake = SimpleNamespace(StreamInfo=Info, StreamOutlet=Stream, local_clock=lambda: 7.5, **numbers)
+    constants = {"IRREGULAR_RATE": 0.0, "cf_double64": 2, "__spec__": object()}
+    fake = SimpleNamespace(StreamInfo=Info, StreamOutlet=Stream, local_clock=lambda: 7.5, **constants)
     monkeypatch.setitem(sys.modules, "pylsl", fake)
-    return told
+    return entries

@@ -1,6 +1,7 @@
-"""A network of two emitters and three receivers whose light is a formula, its rig and a plan."""
+"""A network of two emitters and three receivers whose response is a formula, with a rig and a protocol."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from solen.arrays import FloatArray
 from solen.bench.rig import Rig
 from solen.bench.simulated import instruments
 from solen.bench.simulated.networks import SimulatedNetwork
-from solen.bench.simulated.sensors import converter
+from solen.bench.simulated.sensors import adc_of
 from solen.readout import circuit_of
 from solen.spec import loads
 
@@ -75,37 +76,35 @@ sway = [-8.0, 0.0, 8.0]
 
 
 def light(lean_deg: FloatArray, sway_deg: FloatArray) -> FloatArray:
-    """Shares of the emitted power (..., emitters, receivers): smooth, and different in both motions."""
+    """Return fractions of the emitted power (..., emitters, receivers): smooth, and different for each motion."""
     lean, sway = lean_deg / 10.0, sway_deg / 8.0
     a = np.stack([0.12 + 0.05 * np.tanh(1.5 * lean), 0.06 - 0.03 * lean * sway, 0.04 + 0.02 * np.sin(2.0 * sway)], -1)
     b = np.stack([0.03 + 0.01 * sway**2, 0.08 + 0.04 * sway, 0.05 + 0.03 * np.cos(1.2 * lean + sway)], -1)
     return np.stack([a, b], axis=-2)
 
 
-def made(rig: Rig, shares: Any = light) -> SimulatedNetwork:
-    """The network of a rig with typical parts."""
+def network_of(rig: Rig, fractions: Any = light) -> SimulatedNetwork:
+    """Return the network of a rig, with typical parts."""
     design = loads(DESIGN)
     mesh = np.meshgrid(LEAN, SWAY, indexing="ij")
     circuit = circuit_of(design, dict.fromkeys(RECEIVERS, 6.0)).with_load(300.0)
-    from dataclasses import replace
-
-    circuit = replace(circuit, adc=converter(rig), rate_hz=100.0)
-    return SimulatedNetwork(rig.sensor[0], {}, (LEAN, SWAY), shares(*mesh), np.ones(2), circuit)
+    circuit = replace(circuit, adc=adc_of(rig), rate_hz=100.0)
+    return SimulatedNetwork(rig.sensor[0], {}, (LEAN, SWAY), fractions(*mesh), np.ones(2), circuit)
 
 
-def without_tracing(patch: pytest.MonkeyPatch, shares: Any = light) -> None:
-    """Let simulated rigs have the network above without a trace."""
+def without_tracing(patch: pytest.MonkeyPatch, fractions: Any = light) -> None:
+    """Make simulated rigs use this network without tracing it."""
 
     def networks(rig: Rig, folder: Path, ranges_deg: Mapping[str, Any], *_: Any) -> tuple[SimulatedNetwork, ...]:
         assert set(ranges_deg) == {"lean", "sway"}
         assert (folder / "sensor.toml").exists()
-        return (made(rig, shares),)
+        return (network_of(rig, fractions),)
 
     patch.setattr(instruments, "simulated_networks", networks)
 
 
 def write(folder: Path, **texts: str) -> Path:
-    """Files of the rig, some of them with another text."""
+    """Write the files of the rig, some of them with other texts, and return their folder."""
     for name, text in ({"sensor": DESIGN, "rig": RIG, "plan": PLAN} | texts).items():
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     return folder

@@ -1,7 +1,7 @@
-"""Boards behind a pseudo-terminal, as behind a USB cable: the files as they are shipped, on a simulated circuit.
+"""Boards on a pseudo-terminal, as at the end of a USB cable: the shipped firmware on simulated hardware.
 
-`Pico` runs main.py under CPython with a module ``machine`` that simulates pins, converter and sensor; `Uno` runs the
-image that gcc-avr makes under simavr. Both turn the sensor by the steps they make. POSIX only.
+`pico` runs main.py under CPython with a module ``machine`` that simulates pins, ADC and sensor; `uno` runs the image
+compiled by gcc-avr under simavr. The steps that they make turn the sensor. POSIX only.
 """
 
 import contextlib
@@ -16,18 +16,18 @@ from pathlib import Path
 
 from solen.bench.board import CONFIGURATION
 from solen.bench.clock import WallClock
+from solen.bench.firmware.boards import sources_of
 from solen.bench.firmware.solen_board import ALIVE, CONFIGURE, START
-from solen.bench.firmware.written import sources_of
 from solen.bench.frames import frame
 from tests.bench.firmware_support import CORE, MODULE, micropython
 
 STEPS_PER_DEG = 100.0
-SLOW = 8
-"""Boards run so many times slower than a clock on the wall, so that a busy computer plays them in time."""
+SLOW = 4
+"""Factor by which boards run slower than real time, so that a busy computer can simulate them."""
 
 
 class SlowClock(WallClock):
-    """The time of such a board's host."""
+    """A clock of the host that runs slower by the same factor."""
 
     def __init__(self, at_s: float = 0.0) -> None:
         super().__init__(at_s, lambda: time.perf_counter() / SLOW)
@@ -43,7 +43,7 @@ import sys
 import threading
 import time
 
-LIT, STEPS, LOG = set(), [0], open(os.environ["BOARD_LOG"], "w")
+ON, STEPS, LOG = set(), [0], open(os.environ["BOARD_LOG"], "w")
 
 
 class Pin:
@@ -54,7 +54,7 @@ class Pin:
 
     def value(self, state):
         if self.number in (2, 3, 4, 5):
-            (LIT.add if state else LIT.discard)(self.number)
+            (ON.add if state else ON.discard)(self.number)
             print(time.ticks_us(), self.number, int(state), file=LOG, flush=True)
         if self.number == 10 and state and not self.state:
             STEPS[0] += 1 if FORWARD.state else -1
@@ -71,13 +71,13 @@ class ADC:
         self.side = {26: 1.0, 27: -1.0}.get(pin.number, 0.0)
 
     def read_u16(self):
-        if by_hand := os.environ.get("BOARD_ANGLE"):
-            with open(by_hand) as file:
+        if angle_file := os.environ.get("BOARD_ANGLE"):
+            with open(angle_file) as file:
                 angle = float(file.read())
         else:
             angle = STEPS[0] / STEPS_PER_DEG
-        bright = 2.4 / (1.0 + math.exp(1.2 * self.side * angle)) if LIT else 0.0
-        return round(65535 * (3.2 - 0.05 - bright) / 3.3)
+        drop = 2.4 / (1.0 + math.exp(1.2 * self.side * angle)) if ON else 0.0
+        return round(65535 * (3.2 - 0.05 - drop) / 3.3)
 
 
 class PWM:
@@ -92,12 +92,12 @@ class Timer:
     PERIODIC = 1
 
     def __init__(self, period, mode, callback):
-        def turns():
+        def repeat():
             while True:
                 time.sleep(SLOW * 1e-3 * period)
                 callback(self)
 
-        threading.Thread(target=turns, daemon=True).start()
+        threading.Thread(target=repeat, daemon=True).start()
 """
 RUN = """
 import gc, os, select, sys, time, types
@@ -136,24 +136,24 @@ SIMULATED_UNO = r"""
 #include <simavr/avr_uart.h>
 
 static avr_t *avr;
-static int lit[4], forward, steps, open_for_more = 1;
+static int on[4], forward, steps, accepts_input = 1;
 static avr_irq_t *adc;
 static FILE *report;
 
 static double us(void) { return avr->cycle / 16.0; }
 
 static void circuit(void) {
-    int any = lit[0] || lit[1] || lit[2] || lit[3];
+    int any = on[0] || on[1] || on[2] || on[3];
     for (int side = 0; side < 6; side++) {
         double angle = steps / STEPS_PER_DEG * (side % 2 ? -1 : 1);
-        double bright = any ? 4000 / (1 + exp(1.2 * angle)) : 0;
-        avr_raise_irq(adc + side, 4800 - 50 - bright);
+        double drop = any ? 4000 / (1 + exp(1.2 * angle)) : 0;
+        avr_raise_irq(adc + side, 4800 - 50 - drop);
     }
 }
 
 static void emitter(avr_irq_t *irq, uint32_t value, void *number) {
     (void)irq;
-    lit[(long)number] = value;
+    on[(long)number] = value;
     fprintf(report, "%.0f %ld %d\n", us(), 2 + (long)number, (int)value);
     fflush(report);
     circuit();
@@ -164,12 +164,12 @@ static void step(avr_irq_t *irq, uint32_t value, void *p) {
     if (value) steps += forward ? 1 : -1;
     circuit();
 }
-static void said(avr_irq_t *irq, uint32_t value, void *p) {
+static void output(avr_irq_t *irq, uint32_t value, void *p) {
     (void)irq; (void)p;
     uint8_t byte = value;
     while (write(1, &byte, 1) < 0) continue;
 }
-static void more(avr_irq_t *irq, uint32_t value, void *p) { (void)irq; (void)value; open_for_more = p != NULL; }
+static void flow(avr_irq_t *irq, uint32_t value, void *p) { (void)irq; (void)value; accepts_input = p != NULL; }
 
 int main(int argc, char **argv) {
     (void)argc;
@@ -186,9 +186,9 @@ int main(int argc, char **argv) {
     flags &= ~(AVR_UART_FLAG_STDIO | AVR_UART_FLAG_POLL_SLEEP);
     avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
     avr_irq_t *uart = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), 0);
-    avr_irq_register_notify(uart + UART_IRQ_OUTPUT, said, NULL);
-    avr_irq_register_notify(uart + UART_IRQ_OUT_XON, more, uart);
-    avr_irq_register_notify(uart + UART_IRQ_OUT_XOFF, more, NULL);
+    avr_irq_register_notify(uart + UART_IRQ_OUTPUT, output, NULL);
+    avr_irq_register_notify(uart + UART_IRQ_OUT_XON, flow, uart);
+    avr_irq_register_notify(uart + UART_IRQ_OUT_XOFF, flow, NULL);
     adc = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0);
     for (long pin = 0; pin < 4; pin++)
         avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), 2 + pin), emitter, (void *)pin);
@@ -196,33 +196,31 @@ int main(int argc, char **argv) {
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 1), direction, NULL);
     circuit();
     fcntl(0, F_SETFL, fcntl(0, F_GETFL) | O_NONBLOCK);
-    struct timespec begun, now;
-    clock_gettime(CLOCK_MONOTONIC, &begun);
-    uint8_t waiting[64];
-    int count = 0, taken = 0;
-    double heard_us = 0, looked_us = 0;
+    struct timespec begin, now;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    uint8_t input[64];
+    int count = 0, next = 0;
+    double polled_us = 0;
     for (;;) {
         int state = avr_run(avr);
         if (state == cpu_Done || state == cpu_Crashed) return 3;
-        if (us() - looked_us < 30) continue; /* a byte takes 20 us */
-        looked_us = us();
-        if (taken == count) {
-            count = read(0, waiting, sizeof waiting);
-            taken = 0;
+        if (us() - polled_us < 30) continue; /* a byte takes 20 us */
+        polled_us = us();
+        if (next == count) {
+            count = read(0, input, sizeof input);
+            next = 0;
             if (count < 0) count = 0;
-            if (count) heard_us = us();
         }
-        if (taken < count && open_for_more) avr_raise_irq(uart + UART_IRQ_INPUT, waiting[taken++]);
+        if (next < count && accepts_input) avr_raise_irq(uart + UART_IRQ_INPUT, input[next++]);
         clock_gettime(CLOCK_MONOTONIC, &now);
-        double wall_us = (1e6 * (now.tv_sec - begun.tv_sec) + 1e-3 * (now.tv_nsec - begun.tv_nsec)) / SLOW;
+        double wall_us = (1e6 * (now.tv_sec - begin.tv_sec) + 1e-3 * (now.tv_nsec - begin.tv_nsec)) / SLOW;
         if (us() > wall_us + 500) usleep(SLOW * (us() - wall_us));
     }
-    return heard_us;
 }
 """
 
 
-TORRENT = """
+STREAM = """
 import random, struct
 
 random.seed(1)
@@ -240,51 +238,51 @@ class Line(Hardware):
     def sample(self, buffer, at, inputs):
         number = int.from_bytes(buffer[6:10], "little")
         first = (at - 18) // 2
-        for place in (0, 1):
-            value = number * (7, 11, 13, 17)[first + place] + first + place
-            struct.pack_into("<H", buffer, at + 2 * place, value & 0xFFFF)
+        for index in (0, 1):
+            value = number * (7, 11, 13, 17)[first + index] + first + index
+            struct.pack_into("<H", buffer, at + 2 * index, value & 0xFFFF)
 
-    def fits(self, half_us, emitters, inputs):
+    def supports(self, half_us, emitters, inputs):
         return True
 
     def send(self, data):
         number, kind = int.from_bytes(data[6:10], "little"), data[3]
-        what = random.random() if kind == 1 and 0 < number < COUNT - 100 else 1.0
+        fault = random.random() if kind == 1 and 0 < number < COUNT - 100 else 1.0
         data = bytearray(data)
-        if what < 0.005:
-            self.lost += what < 0.003
+        if fault < 0.005:
+            self.lost += fault < 0.003
             at = random.randrange(2, len(data))
-            if what < 0.001:
+            if fault < 0.001:
                 data[at] ^= 1 << random.randrange(8)
-            elif what < 0.002:
+            elif fault < 0.002:
                 data = data[:at] + data[at + 1 :]
-            elif what < 0.003:
+            elif fault < 0.003:
                 data = data[:at]
-            elif what < 0.004:
+            elif fault < 0.004:
                 data = data + data
             else:
                 data += bytes([random.randrange(256) for _ in range(at)])
         self.out += data
         last = kind == 1 and number == COUNT - 1
         if last:
-            tell(self.lost)
+            report(self.lost)
         if len(self.out) > 4000 or last:
             put(self.out)
             self.out = bytearray()
 
 
 line = Line()
-board = Board(line, "torrent")
+board = Board(line, "stream")
 for command in COMMANDS:
-    board.hear(command)
+    board.receive(command)
 line.out = bytearray()
 
 
-def turns(first, last):
+def work(first, last):
     for number in range(first, last):
         line.at = board.next_us()
         if number % 200 == 0:
-            board.hear(COMMANDS[-1])
+            board.receive(COMMANDS[-1])
         board.work()
 """
 BY_PYTHON = """
@@ -297,12 +295,12 @@ def put(data):
         data = data[os.write(1, data) :]
 
 
-def tell(lost):
+def report(lost):
     open("lost", "w").write(str(lost))
 """
 BY_MICROPYTHON = """
 from binascii import hexlify
-from wire import put_hex, tell
+from wire import put_hex, report
 
 
 def put(data):
@@ -316,37 +314,37 @@ function put_hex(text) {{
     for (let data = Buffer.from(text, "hex"); data.length; )
         try {{ data = data.subarray(writeSync(1, data)); }} catch (bad) {{ if (bad.code !== "EAGAIN") throw bad; }}
 }}
-mp.registerJsModule("wire", {{ put_hex, tell: (lost) => writeFileSync("lost", String(lost)) }});
-mp.runPython(readFileSync("torrent.py", "utf-8"));
+mp.registerJsModule("wire", {{ put_hex, report: (lost) => writeFileSync("lost", String(lost)) }});
+mp.runPython(readFileSync("stream.py", "utf-8"));
 const last = 2 * Number(process.argv[2]);
-for (let n = 0; n < last; n += 5000)  // between two calls it collects what nobody holds
-    mp.runPython(`turns(${{n}}, ${{Math.min(n + 5000, last)}})`);
+for (let n = 0; n < last; n += 5000)  // garbage is collected between calls
+    mp.runPython(`work(${{n}}, ${{Math.min(n + 5000, last)}})`);
 setTimeout(() => 0, 60_000);
 """
 
 
-def torrent(folder: Path, count: int, *, by_micropython: bool = False) -> list[str] | str:
-    """Command that sends periods of the core as fast as it can, some of them damaged; or why there is none."""
-    written("pico", folder)
+def stream(folder: Path, count: int, *, by_micropython: bool = False) -> list[str] | str:
+    """Return a command that sends frames of the core as fast as it can, some damaged, or why it is not available."""
+    write_sources("pico", folder)
     (folder / "main.py").unlink()
     commands = [frame(CONFIGURE, 0, CONFIGURATION.pack(5000, 1, 2)), frame(START, 0, b""), frame(ALIVE, 0, b"")]
-    text = f"COUNT, COMMANDS = {count}, {commands}\n{TORRENT}"
+    text = f"COUNT, COMMANDS = {count}, {commands}\n{STREAM}"
     if by_micropython:
         node = micropython(folder)
         if isinstance(node, str):
             return node
-        (folder / "torrent.mjs").write_text(NODE, encoding="utf-8")
-        text, line = CORE.read_text(encoding="utf-8") + BY_MICROPYTHON + text, [node[0], "torrent.mjs", str(count)]
+        (folder / "stream.mjs").write_text(NODE, encoding="utf-8")
+        text, line = CORE.read_text(encoding="utf-8") + BY_MICROPYTHON + text, [node[0], "stream.mjs", str(count)]
     else:
-        text = f"{BY_PYTHON}\n{text}\nturns(0, {2 * count})\ntime.sleep(60)\n"
-        line = [sys.executable, "torrent.py"]
-    (folder / "torrent.py").write_text(text, encoding="utf-8")
+        text = f"{BY_PYTHON}\n{text}\nwork(0, {2 * count})\ntime.sleep(60)\n"
+        line = [sys.executable, "stream.py"]
+    (folder / "stream.py").write_text(text, encoding="utf-8")
     return line
 
 
 @contextlib.contextmanager
-def on_a_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None) -> Iterator[str]:
-    """Name of a serial line that a program is at the other end of; a file may hold the sensor's angle."""
+def on_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None) -> Iterator[str]:
+    """Yield the port of a program that simulates a board; the file `angle`, if given, contains the sensor's angle."""
     import pty
     import tty
 
@@ -363,15 +361,16 @@ def on_a_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None
             os.close(host)
 
 
-def written(kind: str, folder: Path) -> None:
+def write_sources(kind: str, folder: Path) -> None:
+    """Write the firmware of a kind of board into a folder."""
     for name, text in sources_of(kind).items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
 
 
 def pico(folder: Path, *, servo: bool = False) -> list[str]:
-    """Command that is a Pico, with a servo in place of a stepper."""
-    written("pico", folder)
+    """Return the command of a simulated Pico, with a stepper or a servo."""
+    write_sources("pico", folder)
     if servo:
         pins = (folder / "pins.py").read_text(encoding="utf-8")
         assert "SERVO = None" in pins
@@ -382,23 +381,23 @@ def pico(folder: Path, *, servo: bool = False) -> list[str]:
 
 
 def uno(folder: Path, log: Path) -> list[str] | str:
-    """Command that is an Uno, or the reason why there is none."""
+    """Return the command of a simulated Uno, or the reason why it is not available."""
     missing = [name for name in ("avr-gcc", "gcc", "simavr") if shutil.which(name) is None]
     if missing:
         return f"{', '.join(missing)} not installed (Debian: gcc-avr avr-libc simavr libsimavr-dev libelf-dev)"
-    written("uno", folder)
+    write_sources("uno", folder)
     sketch = folder / "solen_uno"
     avr = ["avr-gcc", "-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-Wall", "-Wextra", "-Werror", "-std=gnu99"]
     files = [str(sketch / "uno.c"), str(sketch / "solen_board.c")]
     subprocess.run([*avr, *files, "-lm", "-o", str(folder / "uno.elf")], check=True)
     (folder / "uno_simulated.c").write_text(SIMULATED_UNO, encoding="utf-8")
     defines = [f"-DSTEPS_PER_DEG={STEPS_PER_DEG}", f"-DSLOW={SLOW}"]
-    made = ["gcc", "-O2", *defines, str(folder / "uno_simulated.c"), "-lsimavr", "-lelf", "-lm"]
-    subprocess.run([*made, "-o", str(folder / "uno_simulated")], check=True)
+    gcc = ["gcc", "-O2", *defines, str(folder / "uno_simulated.c"), "-lsimavr", "-lelf", "-lm"]
+    subprocess.run([*gcc, "-o", str(folder / "uno_simulated")], check=True)
     return [str(folder / "uno_simulated"), str(folder / "uno.elf"), str(log)]
 
 
-def switched(log: Path) -> list[tuple[int, int, int]]:
-    """When which emitter's pin went high or low, in µs by the board's side."""
-    found = re.findall(r"(\d+) (\d+) ([01])\n", log.read_text(encoding="utf-8"))
-    return [(int(at), int(pin), int(state)) for at, pin, state in found]
+def switching(log: Path) -> list[tuple[int, int, int]]:
+    """Return time in µs by the board clock, pin and level of each switch of an emitter."""
+    entries = re.findall(r"(\d+) (\d+) ([01])\n", log.read_text(encoding="utf-8"))
+    return [(int(time_us), int(pin), int(level)) for time_us, pin, level in entries]

@@ -1,4 +1,4 @@
-"""A small simulated rig and a short protocol for it."""
+"""A small simulated rig with a board or a DAQ device, and a short protocol for it."""
 
 RIG = """
 schema = 1
@@ -41,3 +41,10 @@ hold_s = 0.1
 to_deg = 0.0
 velocity_deg_per_s = 15.0
 """
+DAQS = {"counter": 'switching = "counter"', "sync": 'sync = "ai8"'}
+"""Settings of a simulated DAQ device."""
+
+
+def daq_rig(settings: str = DAQS["counter"], rig: str = RIG) -> str:
+    """Return the rig with a DAQ device instead of the board."""
+    return rig.replace("[board]", f"[daq]\n{settings}")

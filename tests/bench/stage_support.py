@@ -1,6 +1,6 @@
-"""What tests of stages share: a written conversation, waiting for an arrival, the rest of a rig."""
+"""Helpers for tests of stages: a scripted dialogue, waiting for arrival, a rig with a real stage."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from solen.bench.clock import Clock
@@ -12,35 +12,34 @@ BOARD = {"driver": "serial", "port": "COM3"}
 
 
 @dataclass
-class Written:
-    """A conversation that was written down: what must be sent, in this order, and what is answered."""
+class Dialogue:
+    """A link with a scripted dialogue: the messages that must be sent, in this order, and the reply to each."""
 
-    turns: list[tuple[bytes, bytes]]
-    name: str = "written"
-    coming: bytes = b""
-    sent: list[bytes] = field(default_factory=list)
+    exchanges: list[tuple[bytes, bytes]]
+    name: str = "scripted"
+    _received: bytes = b""
 
     def write(self, data: bytes) -> None:
-        expected, answer = self.turns.pop(0)
+        expected, reply = self.exchanges.pop(0)
         assert data == expected
-        self.coming += answer
+        self._received += reply
 
-    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002  all is there at once
-        data, self.coming = self.coming[:most], self.coming[most:]
+    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002  replies arrive at once
+        data, self._received = self._received[:most], self._received[most:]
         return data
 
     def close(self) -> None:
-        assert not self.turns
+        assert not self.exchanges
 
 
-def arrived(stage: Stage, clock: Clock) -> float:
-    """How long it takes until the stage is on target."""
-    begun = clock.now_s()
+def wait_for_arrival(stage: Stage, clock: Clock) -> float:
+    """Wait until the stage is at its target, and return the duration in s."""
+    begin = clock.now_s()
     while not stage.on_target():
         clock.sleep(0.01)
-    return clock.now_s() - begun
+    return clock.now_s() - begin
 
 
 def rig_with(**stage: Any) -> Rig:
-    """A rig with a real stage."""
+    """Return a rig with a real stage."""
     return Rig(name="steps", stage=stage, board=BOARD, sensor=(SENSOR,))

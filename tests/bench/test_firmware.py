@@ -1,4 +1,4 @@
-"""The firmware: one core in two languages and three interpreters, byte for byte, and what is written for each board."""
+"""The core of the firmware: identical frames from CPython, MicroPython and C."""
 
 import subprocess
 from pathlib import Path
@@ -11,6 +11,7 @@ from solen.bench.firmware.solen_board import (
     CONFIGURE,
     HALT,
     IDENTIFY,
+    INVALID,
     MOVE,
     NO_MOTOR,
     PLACE,
@@ -18,12 +19,19 @@ from solen.bench.firmware.solen_board import (
     STOP,
     TIME,
     UNCONFIGURED,
-    UNFIT,
     UNKNOWN,
     WHERE,
 )  # fmt: skip
-from solen.bench.frames import ANSWER, HEAD, SAMPLES, FrameReader, Layout
-from tests.bench.firmware_support import Script, by_c, by_micropython, by_python, command, micropython, python_source
+from solen.bench.frames import HEAD, REPLY, SAMPLES, FrameReader, Layout
+from tests.bench.firmware_support import (
+    Script,
+    command,
+    micropython,
+    python_source,
+    run_c,
+    run_micropython,
+    run_python,
+)
 
 LAYOUT = Layout(3, 4)
 SCRIPT = Script(
@@ -48,67 +56,63 @@ SCRIPT = Script(
         (2000.0, command(WHERE)),
     )
 )
-"""Everything that a host says, and some that none does; then silence."""
+"""All commands of a host, invalid ones and noise; then the host is silent."""
 
 
-def check(frames: list[bytes]) -> None:
-    """What must come of `SCRIPT`."""
-    answers = [data[10:-2] for data in frames if data[3] == ANSWER]
-    kinds = [(data[0], data[1]) for data in answers]
-    assert kinds == [
-        (START, UNCONFIGURED), (IDENTIFY, 0), (CONFIGURE, UNFIT), (CONFIGURE, 0), (START, 0), (99, UNKNOWN), (TIME, 0),
-        (PLACE, 0), (MOVE, 0), (WHERE, 0), (MOVE, UNFIT), (HALT, 0), (WHERE, 0), (MOVE, UNFIT), (STOP, 0), (START, 0),
-        (WHERE, 0),
+def check_frames(frames: list[bytes]) -> None:
+    """Check the frames that the script must cause."""
+    replies = [data[10:-2] for data in frames if data[3] == REPLY]
+    assert [(data[0], data[1]) for data in replies] == [
+        (START, UNCONFIGURED), (IDENTIFY, 0), (CONFIGURE, INVALID), (CONFIGURE, 0), (START, 0), (99, UNKNOWN),
+        (TIME, 0), (PLACE, 0), (MOVE, 0), (WHERE, 0), (MOVE, INVALID), (HALT, 0), (WHERE, 0), (MOVE, INVALID),
+        (STOP, 0), (START, 0), (WHERE, 0),
     ]  # fmt: skip
     periods = [data for data in frames if data[3] == SAMPLES]
-    begun = next(number for number, data in enumerate(periods) if number and HEAD.unpack_from(data)[4] == 0)
-    reader = FrameReader(LAYOUT)
-    first = reader.feed(b"".join(periods[:begun]))
-    assert first.number.tolist() == list(range(140))  # of 5 ms from 6 ms to 710 ms
+    restart = next(index for index, data in enumerate(periods) if index and HEAD.unpack_from(data)[4] == 0)
+    first = FrameReader(LAYOUT).feed(b"".join(periods[:restart]))
+    assert first.number.tolist() == list(range(140))  # every 5 ms from 6 ms to 710 ms
     assert np.array_equal(first.board_us, 5000 * first.number)
     at_us = 6000 + 5000 * first.number[:, None] + np.rint((np.arange(6) + 1) * 5000 // 6)
     expected = (at_us // 7)[:, :, None] + 1000 * np.array([1, 0, 2, 0, 3, 0])[:, None] + 13 * np.arange(4)
     assert np.array_equal(first.counts, (expected % 65536).reshape(first.counts.shape))
-    second = FrameReader(LAYOUT).feed(b"".join(periods[begun:]))
-    assert len(second) == 160  # 0.8 s after the host's last word it is dark
+    second = FrameReader(LAYOUT).feed(b"".join(periods[restart:]))
+    assert len(second) == 160  # the emitters are off 0.8 s after the last command
 
 
-def where(frames: list[bytes]) -> list[tuple[int, int]]:
-    """Positions and whether it moved, as they were asked for."""
-    found = [data[12:-2] for data in frames if data[3] == ANSWER and data[10] == WHERE]
-    return [(int.from_bytes(one[4:8], "little", signed=True), one[8]) for one in found]
+def motor_states(frames: list[bytes]) -> list[tuple[int, int]]:
+    """Return the replies to queries of the motor: its position, and whether it moves."""
+    replies = [data[12:-2] for data in frames if data[3] == REPLY and data[10] == WHERE]
+    return [(int.from_bytes(data[4:8], "little", signed=True), data[8]) for data in replies]
 
 
-def check_motor(frames: list[bytes]) -> None:
-    """Speeding up takes 0.1 s and 100 steps; halted after 0.15 s at 2000 steps/s, it needs 100 steps more."""
-    for (at, moving), (meant, meant_moving) in zip(where(frames), ((-400, 1), (0, 0), (0, 0)), strict=True):
-        assert abs(at - meant) <= 1
-        assert moving == meant_moving
+def check_motor(states: list[tuple[int, int]], expected: list[tuple[int, int]]) -> None:
+    """Check motor states to within a step, because C computes in single precision."""
+    for (position, moving), (expected_position, expected_moving) in zip(states, expected, strict=True):
+        assert abs(position - expected_position) <= 1
+        assert moving == expected_moving
 
 
-def alike(ours: list[bytes], theirs: list[bytes]) -> None:
-    """The same frames, but for a step of the motor where one rounds in single precision."""
-    assert [data for data in ours if data[10] != WHERE] == [data for data in theirs if data[10] != WHERE]
-    for (at, moving), (their_at, their_moving) in zip(where(ours), where(theirs), strict=True):
-        assert abs(at - their_at) <= 1
-        assert moving == their_moving
+def check_equal(frames: list[bytes], expected: list[bytes]) -> None:
+    assert [data for data in frames if data[10] != WHERE] == [data for data in expected if data[10] != WHERE]
+    check_motor(motor_states(frames), motor_states(expected))
 
 
-def test_the_core_under_python() -> None:
-    frames = by_python(SCRIPT)
-    check(frames)
-    check_motor(frames)
+def test_core_under_python() -> None:
+    frames = run_python(SCRIPT)
+    check_frames(frames)
+    # acceleration takes 0.1 s and 100 steps; a halt after 0.15 s, at 2000 steps/s, takes 100 more
+    check_motor(motor_states(frames), [(-400, 1), (0, 0), (0, 0)])
 
 
-def test_the_core_in_c_says_the_same(tmp_path: Path) -> None:
-    frames = by_c(SCRIPT, tmp_path)
+def test_core_in_c_sends_same_frames(tmp_path: Path) -> None:
+    frames = run_c(SCRIPT, tmp_path)
     if frames is None:
         pytest.skip("there is no C compiler")
-    alike(by_python(SCRIPT), frames)
+    check_equal(frames, run_python(SCRIPT))
 
 
-def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -> None:
-    """Its 32 bits of µs wrap after 71.6 minutes; 10,000 steps at one per second take 167 minutes."""
+def test_move_may_outlast_clock_of_uno(tmp_path: Path) -> None:
+    """The clock's 32 bits of µs overflow after 71.6 minutes; 10,000 steps at one per second take 167 minutes."""
     minute_ms = 60_000.0
     long = Script(
         (
@@ -116,40 +120,40 @@ def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -
             *((minutes * minute_ms, command(WHERE)) for minutes in (70.0, 75.0, 150.0, 168.0)),
         )
     )
-    frames = by_c(long, tmp_path, idle_us=100_000)
+    frames = run_c(long, tmp_path, idle_us=100_000)
     if frames is None:
         pytest.skip("there is no C compiler")
-    places = where(frames)
-    assert [at for at, _ in places] == pytest.approx([4200, 4500, 9000, 10_000], abs=2)
-    assert [moving for _, moving in places] == [1, 1, 1, 0]
+    positions, moving = zip(*motor_states(frames), strict=True)
+    assert positions == pytest.approx((4200, 4500, 9000, 10_000), abs=2)
+    assert moving == (1, 1, 1, 0)
 
 
-def test_steps_that_a_stall_missed_are_made_up_no_faster_than_the_motor_takes(tmp_path: Path) -> None:
-    asked = (command(MOVE, "<iII", 1000, 1_000_000, 100_000), b"", None, *[command(WHERE)] * 3)
-    script = Script(tuple(zip((1.0, 100.0, 150.0, 150.0, 152.0, 300.0), asked, strict=True)))
-    for frames in (by_python(script), by_c(script, tmp_path)):
+def test_makes_up_for_missed_steps_at_maximum_rate(tmp_path: Path) -> None:
+    commands = (command(MOVE, "<iII", 1000, 1_000_000, 100_000), b"", None, *[command(WHERE)] * 3)
+    script = Script(tuple(zip((1.0, 100.0, 150.0, 150.0, 152.0, 300.0), commands, strict=True)))
+    for frames in (run_python(script), run_c(script, tmp_path)):
         if frames is not None:
-            before, soon, late = (at for at, _ in where(frames))
-            assert 9 <= soon - before <= 11  # a step per 200 µs, where the loop takes 100
-            assert late == pytest.approx(294, abs=1)
+            at_stall, soon_after, later = (position for position, _ in motor_states(frames))
+            assert 9 <= soon_after - at_stall <= 11  # a step every 200 µs, while the loop takes 100 µs
+            assert later == pytest.approx(294, abs=1)
 
 
 @pytest.mark.evidence
-def test_the_core_under_micropython_says_the_same(tmp_path: Path) -> None:
+def test_core_under_micropython_sends_same_frames(tmp_path: Path) -> None:
     command_line = micropython(tmp_path)
     if isinstance(command_line, str):
         pytest.skip(command_line)
-    frames = by_micropython(command_line, python_source(SCRIPT))
-    alike(by_python(SCRIPT), frames)
+    frames = run_micropython(command_line, python_source(SCRIPT))
+    check_equal(frames, run_python(SCRIPT))
     version = subprocess.run(
         command_line, input="import sys; print(sys.version)", capture_output=True, text=True, check=True
     )
-    print(f"\n  {len(frames)} frames alike under CPython and {version.stdout.strip()}")
+    print(f"\n  {len(frames)} equal frames from CPython and {version.stdout.strip()}")
     assert "MicroPython" in version.stdout
 
 
-def test_a_board_without_a_motor_says_so() -> None:
-    source = python_source(Script(((1.0, command(WHERE)),))).replace("most_steps_per_s = 5000", "most_steps_per_s = 0")
-    shown: list[str] = []
-    exec(source, {"__name__": "replay", "print": shown.append})  # noqa: S102
-    assert bytes.fromhex(shown[0])[10:12] == bytes((WHERE, NO_MOTOR))
+def test_board_without_motor_rejects_queries_of_motor() -> None:
+    source = python_source(Script(((1.0, command(WHERE)),))).replace("max_steps_per_s = 5000", "max_steps_per_s = 0")
+    printed: list[str] = []
+    exec(source, {"__name__": "replay", "print": printed.append})  # noqa: S102
+    assert bytes.fromhex(printed[0])[10:12] == bytes((WHERE, NO_MOTOR))

@@ -1,17 +1,17 @@
-"""The driver of PI stages: by a written conversation, against a simulated controller, with every fault of a wire."""
+"""The driver of PI stages, with a scripted dialogue and with a simulated controller, and faults of the line."""
 
 import numpy as np
 import pytest
 
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.gcs2 import Gcs2Stage
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.link import open_link
-from solen.bench.roles import Homes, Stage
+from solen.bench.roles import HomingStage, Stage
 from solen.bench.simulated.stage import Axis, Move
 from solen.errors import BenchError
 from tests.bench.gcs2_controller_support import Gcs2Controller
-from tests.bench.stage_support import Written
+from tests.bench.stage_support import Dialogue, wait_for_arrival
 from tests.bench.wire_support import Faults, Served, Wire
 
 HELLO = [
@@ -23,11 +23,11 @@ HELLO = [
     (b"TMN? 1\n", b"1=-360.0000000\n"),
     (b"TMX? 1\n", b"1=360.0000000\n"),
 ]
-"""What is said when a stage is taken into use."""
+"""The dialogue when the stage is opened."""
 
 
-def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
-    more = [
+def test_dialogue_follows_manual(recwarn: pytest.WarningsRecorder) -> None:
+    exchanges = [
         (b"FRF? 1\n", b"1=0\n"),
         (b"FRF 1\n", b""),
         (b"ERR?\n", b"0\n"),
@@ -49,7 +49,7 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
         (b"ERR?\n", b"10\n"),
         (b"\x05", b"0\n"),
     ]
-    link = Written(HELLO + more)
+    link = Dialogue(HELLO + exchanges)
     stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
     stage.reference()
     stage.begin_move(-3.0, 15.0)
@@ -62,84 +62,74 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
     assert not recwarn.list
 
 
-def test_answers_of_several_lines_and_addresses() -> None:
-    link = Written(
-        [*((b"3 " + sent, b"0 3 " + got if got else got) for sent, got in HELLO), (b"3 HLP?\n", b"0 3 a \nb \nc\n")]
-    )
+def test_reads_replies_with_address_and_several_lines() -> None:
+    hello = [(b"3 " + query, b"0 3 " + reply if reply else reply) for query, reply in HELLO]
+    link = Dialogue([*hello, (b"3 HLP?\n", b"0 3 a \nb \nc\n")])
     stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG", address=3)
-    assert stage.ask("HLP?") == ["a", "b", "c"]
+    assert stage.query("HLP?") == ["a", "b", "c"]
 
 
-def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, SimulatedClock]:
+def wired_stage(**attributes: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, SimulatedClock]:
     clock = SimulatedClock()
-    controller = Gcs2Controller(clock, **more)  # type: ignore[arg-type]  # its numbers
+    controller = Gcs2Controller(clock, **attributes)  # type: ignore[arg-type]  # numbers only
     wire = Wire(controller, clock)
     return Gcs2Stage(wire, clock, stage="M-060.DG"), controller, wire, clock
 
 
-def arrive(stage: Gcs2Stage, clock: SimulatedClock) -> float:
-    begun = clock.now_s()
-    while not stage.on_target():
-        clock.sleep(0.01)
-    return clock.now_s() - begun
-
-
-def test_a_stage_is_referenced_moved_and_stopped() -> None:
-    stage, controller, _, clock = driven()
+def test_references_moves_and_stops() -> None:
+    stage, controller, _, clock = wired_stage()
     with pytest.raises(BenchError, match="error 5,"):
         stage.begin_move(3.0, 15.0)
     stage.reference()
     assert (stage.referenced, stage.position()) == (True, 0.0)
     stage.begin_move(3.0, 15.0)
-    assert arrive(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0 + 0.05, abs=0.02)
+    assert wait_for_arrival(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0 + 0.05, abs=0.02)
     assert stage.position() == 3.0
     stage.begin_move(-3.0, 15.0)
     clock.sleep(0.2)
     stage.stop()
-    here = stage.position()
+    position = stage.position()
     clock.sleep(1.0)
-    assert stage.position() == here
-    assert controller.axis.at(clock.now_s()) == pytest.approx(here, abs=1e-7)
-    assert -3.0 < here < 3.0
+    assert stage.position() == position
+    assert controller.axis.at(clock.now_s()) == pytest.approx(position, abs=1e-7)
+    assert -3.0 < position < 3.0
 
 
-def test_where_it_stands_can_be_taken_for_a_position() -> None:
-    stage, controller, _, clock = driven()
-    homes: Homes = stage
-    assert homes.name
-    make_known(stage, "here", 2.5)
+def test_defines_current_position() -> None:
+    stage, controller, _, clock = wired_stage()
+    homing_stage: HomingStage = stage
+    assert homing_stage.name
+    ensure_zero(stage, "here", 2.5)
     assert (stage.referenced, stage.position(), controller.axis.moves) == (True, 2.5, [])
-    make_known(stage, False, 0.0)  # it is known now
+    ensure_zero(stage, False, 0.0)  # the zero is known now
     stage.begin_move(3.0, 15.0)
-    assert arrive(stage, clock) < 1.0
+    assert wait_for_arrival(stage, clock) < 1.0
 
 
-def test_any_stage_is_driven_whose_unit_is_stated() -> None:
+def test_drives_unknown_stage_with_specified_unit() -> None:
     clock = SimulatedClock()
     controller = Gcs2Controller(clock, stage="L-611.9ASD")
     stage = Gcs2Stage(Wire(controller, clock), clock, stage="L-611.9ASD", unit="deg")
     stage.reference()
     stage.begin_move(2.0, 10.0)
-    arrive(stage, clock)
+    wait_for_arrival(stage, clock)
     assert (stage.position(), stage.unit) == (2.0, "deg")
-    with pytest.raises(BenchError, match=r"'L-611\.9ASD'; .*state its unit"):
+    with pytest.raises(BenchError, match=r"'L-611\.9ASD'; .*set its unit"):
         Gcs2Stage(Wire(controller, clock), clock, stage="L-611.9ASD")
 
 
-def test_roles_are_played() -> None:
-    stage, _, _, _ = driven()
-    turning: Stage = stage
-    assert turning.unit == "deg"
+def test_unit_follows_from_known_stage() -> None:
+    rotary: Stage = wired_stage()[0]
+    assert rotary.unit == "deg"
     clock = SimulatedClock()
-    linear = Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-111.1DG")
-    shifting: Stage = linear
-    assert shifting.unit == "mm"
+    linear: Stage = Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-111.1DG")
+    assert linear.unit == "mm"
 
 
-def test_what_the_controller_refuses_is_reported() -> None:
-    stage, controller, _, clock = driven(low=-5.0, high=5.0)
+def test_reports_errors_of_controller() -> None:
+    stage, controller, _, clock = wired_stage(low=-5.0, high=5.0)
     stage.reference()
-    with pytest.raises(BenchError, match=r"9 deg .* limits -5 to 5"):
+    with pytest.raises(BenchError, match=r"target 9 is outside the limits of the stage, -5 to 5 deg"):
         stage.begin_move(9.0, 15.0)
     with pytest.raises(BenchError, match="error 8,"):
         stage.begin_move(1.0, 500.0)
@@ -147,106 +137,106 @@ def test_what_the_controller_refuses_is_reported() -> None:
     clock.sleep(0.1)
     controller.stall()
     with pytest.raises(BenchError, match="error 1024,"):
-        arrive(stage, clock)
+        wait_for_arrival(stage, clock)
 
 
-def test_another_stage_another_instrument_and_an_unknown_one() -> None:
+def test_refuses_other_stages_and_instruments() -> None:
     clock = SimulatedClock()
-    with pytest.raises(BenchError, match=r"set up for M-111\.1DG, not M-060\.DG"):
+    with pytest.raises(BenchError, match=r"configured for M-111\.1DG, not M-060\.DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-060.DG")
-    with pytest.raises(BenchError, match=r"^stage = 'M-1'; .*known are M-060\.DG, M-111\.1DG"):
+    with pytest.raises(BenchError, match=r"^stage = 'M-1'; .*M-060\.DG, M-111\.1DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
-    link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
-    with pytest.raises(BenchError, match=r"'ACME, 1, 2' .*; .*PI"):
+    link = Dialogue([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
+    with pytest.raises(BenchError, match=r"'ACME, 1, 2' .* controller of PI"):
         Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
 
 
-def test_silence_garbage_and_a_pulled_plug_are_reported_in_one_line() -> None:
-    stage, _, wire, clock = driven()
+def test_reports_faults_of_line() -> None:
+    stage, _, wire, clock = wired_stage()
     wire.faults.deaf = True
-    begun = clock.now_s()
+    begin_s = clock.now_s()
     with pytest.raises(BenchError, match=r"within 1 s .*; .*baud rate"):
         stage.position()
-    assert clock.now_s() - begun == pytest.approx(1.0)
+    assert clock.now_s() - begin_s == pytest.approx(1.0)
     wire.faults.deaf = False
     wire.faults.garbage = b"\xff\xfe"
     with pytest.raises(BenchError, match=r"not text; .*baud rate"):
         stage.position()
     wire.faults.garbage = b"%&$\n"
-    with pytest.raises(BenchError, match=r"answered '%&\$' to POS\?"):
+    with pytest.raises(BenchError, match=r"replied '%&\$' to POS\?"):
         stage.position()
-    wire.faults.gone = True
+    wire.faults.disconnected = True
     with pytest.raises(BenchError, match="disconnected"):
         stage.position()
 
 
-def test_a_reference_that_is_never_found_is_given_up() -> None:
-    stage, _, _, clock = driven(reference_s=1e9)
+def test_gives_up_reference_move_after_a_minute() -> None:
+    stage, _, _, clock = wired_stage(reference_s=1e9)
     with pytest.raises(BenchError, match=r"reference .*within 60 s"):
         stage.reference()
     assert clock.now_s() == pytest.approx(60.0, abs=0.2)
 
 
-def test_over_a_socket_as_over_a_port() -> None:
+def test_drives_stage_over_socket() -> None:
     clock = WallClock()
     faults = Faults()
     with Served(Gcs2Controller(clock, reference_s=0.05), faults) as served:
         link = open_link(served.url)
-        stage = Gcs2Stage(link, clock, stage="M-060.DG", answer_s=0.5)
+        stage = Gcs2Stage(link, clock, stage="M-060.DG", timeout_s=0.5)
         stage.reference()
         stage.begin_move(0.5, 15.0)
         while not stage.on_target():
             clock.sleep(0.01)
         assert stage.position() == 0.5
         faults.deaf = True
-        with pytest.raises(BenchError, match=r"no answer within 0\.5 s"):
+        with pytest.raises(BenchError, match=r"no reply within 0\.5 s"):
             stage.position()
         faults.deaf = False
         assert stage.position() == 0.5
-        faults.gone = True
+        faults.disconnected = True
         clock.sleep(0.1)
-        with pytest.raises(BenchError, match=r"disconnected|no answer"):
+        with pytest.raises(BenchError, match=r"disconnected|no reply"):
             stage.position()
         link.close()
 
 
-def test_an_answer_that_comes_late_is_not_taken_for_another_s() -> None:
-    stage, _, wire, _ = driven()
+def test_discards_late_reply() -> None:
+    stage, _, wire, _ = wired_stage()
     stage.reference()
     wire.faults.deaf = True
-    with pytest.raises(BenchError, match="no answer"):
+    with pytest.raises(BenchError, match="no reply"):
         stage.position()
     wire.faults.deaf = False
-    wire.write(b"POS? 1\n")  # what was asked is answered now
+    wire.write(b"POS? 1\n")  # its reply arrives before the next query
     assert stage.on_target()
 
 
-def test_a_port_that_is_not_there() -> None:
-    with pytest.raises(BenchError, match="cannot be opened") as refusal:
+def test_reports_missing_port_in_one_line() -> None:
+    with pytest.raises(BenchError, match="cannot be opened") as bad:
         open_link("/dev/no-such-port")
-    assert len(str(refusal.value).splitlines()) == 1
+    assert len(str(bad.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("target", [0.001, 1.0, 3.0, -3.0])
-def test_a_move_is_the_integral_of_its_velocity(target: float) -> None:
+def test_move_keeps_velocity_and_acceleration(target: float) -> None:
     move = Move(0.5, 0.0, target, 15.0, 100.0)
-    time = np.linspace(0.0, 2.0, 200_001)
-    positions = move.at(time)
-    velocity = np.gradient(positions, time)
+    time_s = np.linspace(0.0, 2.0, 20_001)
+    positions = move.at(time_s)
+    velocity = np.gradient(positions, time_s)
     assert np.abs(velocity).max() <= 15.0 * (1 + 1e-9)
-    assert np.abs(np.gradient(velocity, time)).max() <= 100.0 * 1.001
+    assert np.abs(np.gradient(velocity, time_s)).max() <= 100.0 * 1.001
     assert positions[0] == 0.0
-    assert positions[time >= move.end_s] == pytest.approx(target)
+    assert positions[time_s >= move.end_s] == pytest.approx(target)
     if abs(target) >= 15.0**2 / 100.0:
         assert move.end_s == pytest.approx(0.5 + abs(target) / 15.0 + 0.15)
 
 
-def test_many_positions_are_those_of_each_time() -> None:
+def test_array_of_positions_equals_single_positions() -> None:
     axis = Axis(100.0)
     axis.send(0.1, 3.0, 15.0)
     axis.send(0.2, -3.0, 15.0)
     axis.halt(0.3)
     axis.send(0.9, 1.0, 5.0)
-    times = np.linspace(0.0, 2.0, 301)
-    assert axis.positions(times) == pytest.approx([axis.at(float(time)) for time in times])
+    time_s = np.linspace(0.0, 2.0, 301)
+    assert axis.positions(time_s) == pytest.approx([axis.at(at_s) for at_s in time_s.tolist()])
     assert axis.at(2.0) == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""Requests to end: one is answered, later ones are passed over, and what must not be left half-way is not."""
+"""Signals that end a run: the first one ends it, later ones are ignored, and protected code is completed first."""
 
 import signal
 import sys
@@ -8,52 +8,52 @@ import pytest
 
 from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
 
-pytestmark = pytest.mark.usefixtures("heeded")
+pytestmark = pytest.mark.usefixtures("signals")
 
-ENDING = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
+SIGNALS = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 
 
-def interrupted(number: int, steps: list[str]) -> None:
-    """Asked to end once, and again while it cleans up."""
+def raise_twice(number: int, steps: list[str]) -> None:
+    """Raise a signal, and another one during the clean-up."""
     with ended_by_signals():
         try:
             signal.raise_signal(number)
-            steps.append("went on")
+            steps.append("continued")
         finally:
             signal.raise_signal(signal.SIGINT)
-            steps.append("cleaned")
+            steps.append("cleaned up")
 
 
-@pytest.mark.parametrize("name", ENDING)
-def test_each_request_ends_once(name: str) -> None:
+@pytest.mark.parametrize("name", SIGNALS)
+def test_first_signal_ends_run(name: str) -> None:
     number = getattr(signal, name)
     steps: list[str] = []
-    before = signal.getsignal(number)
-    with pytest.raises(Ended, match=f"ended by {name}") as request:
-        interrupted(number, steps)
-    assert steps == ["cleaned"]
-    assert request.value.exit_code == 128 + number
-    assert signal.getsignal(number) is before
+    handler = signal.getsignal(number)
+    with pytest.raises(Ended, match=f"ended by {name}") as end:
+        raise_twice(number, steps)
+    assert steps == ["cleaned up"]
+    assert end.value.exit_code == 128 + number
+    assert signal.getsignal(number) is handler
 
 
-def held(done: list[int]) -> None:
+def raise_in_protected_code(steps: list[int]) -> None:
     with ended_by_signals():
         with uninterrupted():
             signal.raise_signal(signal.SIGTERM)
             with uninterrupted():
-                done.append(1)
-            done.append(2)
-        done.append(3)
+                steps.append(1)
+            steps.append(2)
+        steps.append(3)
 
 
-def test_what_must_not_be_left_half_way_is_done_first() -> None:
-    done: list[int] = []
+def test_protected_code_is_completed_before_end() -> None:
+    steps: list[int] = []
     with pytest.raises(Ended):
-        held(done)
-    assert done == [1, 2]
+        raise_in_protected_code(steps)
+    assert steps == [1, 2]
 
 
-def test_an_error_on_the_way_is_what_is_seen() -> None:
+def test_error_in_protected_code_takes_precedence() -> None:
     def fail() -> None:
         with uninterrupted():
             signal.raise_signal(signal.SIGTERM)
@@ -64,23 +64,23 @@ def test_an_error_on_the_way_is_what_is_seen() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no nohup")
-def test_nohup_is_left_alone() -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+def test_signal_ignored_by_nohup_stays_ignored() -> None:
+    handler = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with ended_by_signals():
             signal.raise_signal(signal.SIGHUP)
     finally:
-        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, handler)
 
 
-def test_outside_the_main_thread_nothing_changes() -> None:
-    seen = []
+def test_handlers_do_not_change_outside_main_thread() -> None:
+    handlers = []
 
     def work() -> None:
         with ended_by_signals():
-            seen.append(signal.getsignal(signal.SIGTERM))
+            handlers.append(signal.getsignal(signal.SIGTERM))
 
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert seen == [signal.getsignal(signal.SIGTERM)]
+    assert handlers == [signal.getsignal(signal.SIGTERM)]

@@ -1,4 +1,4 @@
-"""Simulated prints: what lies between traced angles is as good as traced."""
+"""Simulated sensors: the interpolation between traced angles is close to a trace."""
 
 from pathlib import Path
 
@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from solen.bench.rig import load_rig
-from solen.bench.simulated.sensors import ANGLES, CLOSE, simulated_sensors
+from solen.bench.simulated.sensors import ANGLES, MAX_INTERPOLATION_ERROR, simulated_sensors
 from solen.sensor import Sensor
 from solen.spec import load
 
 
 @pytest.mark.parametrize("width_mm", [0.0, 0.2])
-def test_a_print_is_close_to_its_trace_at_any_angle(bench: Path, width_mm: float) -> None:
-    """Twice the bound: midway between two angles it was met, elsewhere an interpolation may be off by a little more."""
+def test_interpolation_is_close_to_trace(bench: Path, width_mm: float) -> None:
+    """The tolerance is twice that midway between two angles, because the error may be largest elsewhere."""
     design = bench / "sensor.toml"
     text = design.read_text(encoding="utf-8")
     (bench / "sensor.toml").write_text(text.replace("# width_mm = 0.0", f"width_mm = {width_mm}"), encoding="utf-8")
-    one = simulated_sensors(load_rig(bench / "rig.toml"), bench, 1.0, np.random.default_rng(1))[0]
+    sensor = simulated_sensors(load_rig(bench / "rig.toml"), bench, 1.0, np.random.default_rng(1))[0]
     angles = np.random.default_rng(2).uniform(-1.0, 1.0, 16)
-    found = Sensor.of(load(design)).power(angles.tolist())
-    off = np.abs(one.at(found.angle_deg) - np.column_stack([found.right, found.left]))
-    assert len(one.angle_deg) > ANGLES
-    assert np.quantile(off, 0.9) < 2.0 * CLOSE * one.fractions.max()
+    traced = Sensor.of(load(design)).power(angles.tolist())
+    error = np.abs(sensor.at(traced.angle_deg) - np.column_stack([traced.right, traced.left]))
+    assert len(sensor.angle_deg) > ANGLES
+    assert np.quantile(error, 0.9) < 2.0 * MAX_INTERPOLATION_ERROR * sensor.fractions.max()

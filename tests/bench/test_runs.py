@@ -1,8 +1,9 @@
-"""Runs on a simulated rig: what is sampled, what a stop or a kill leaves, what is refused."""
+"""Runs on a simulated rig: recordings, stopped and resumed runs, and refused files."""
 
 import json
 import math
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,18 +24,26 @@ from solen.bench.netcdf import RecordedRun
 from solen.bench.protocol import load_protocol
 from solen.bench.record import RecordOptions, record, recover
 from solen.bench.rig import load_rig
-from solen.bench.run import Instruments, Tick, begin, run
+from solen.bench.run import Instruments, Tick, begin
+from solen.bench.run import run as run_protocol
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, OutputError, SpecError
 from solen.pipeline.bench.record import new
+from solen.readout import volts
 from solen.sensor import Sensor
 from solen.spec import load, save, with_values
 
 
-def recorded(folder: Path, out: str = "out", watch: Any = None, **more: Any) -> RecordedRun:
+def run_in(folder: Path, out: str = "out", watch: Any = None, **options: Any) -> RecordedRun:
     files = folder / "protocol.toml", folder / "rig.toml"
-    return record(*files, folder / out, RecordOptions(**more), watch=watch)
+    return record(*files, folder / out, RecordOptions(**options), watch=watch)
+
+
+@pytest.fixture
+def short_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples are read every 0.1 s of a simulated run, so that a stop takes effect within its cycle."""
+    monkeypatch.setattr(recording, "MIN_SIMULATED_READ_S", 0.1)
 
 
 def group(path: Path, name: str) -> dict[str, np.ndarray]:
@@ -42,51 +51,44 @@ def group(path: Path, name: str) -> dict[str, np.ndarray]:
         return {key: variable[...] for key, variable in file.groups[name].variables.items()}
 
 
-def test_a_run_is_what_the_traced_sensor_would_give(bench: Path) -> None:
-    found = recorded(bench)
-    assert (found.outcome, found.cycles, found.simulated) == ("done", 3, True)
+def test_readings_match_traced_sensor(bench: Path) -> None:
+    run = run_in(bench)
+    assert (run.outcome, run.cycles, run.simulated) == ("done", 3, True)
     assert not list((bench / "out").glob("*.journal"))
-    path = bench / "out" / "protocol.nc"
-    read = group(path, "A")
-    # light as the tracer has it, made volts by the sensor's own circuit, without the room's light
-    (one, _) = simulated_sensors(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng([5, 0]))
+    (sensor, _) = simulated_sensors(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng([5, 0]))
+    fractions = sensor.at(np.array([-3.0]))
     traced = Sensor.of(load(bench / "sensor.toml")).integrate(-3.0)
-    assert one.at(np.array([-3.0]))[0] == pytest.approx(
-        [traced.detectors["right"].power, traced.detectors["left"].power], abs=2e-3
-    )
-    held = np.abs(read["angle_deg"] + 3.0) < 1e-6
-    circuit, lit = one.circuit, one.at(np.array([-3.0]))
-    from solen.readout import volts
-
-    expected = volts(lit, circuit, 0.05) - volts(np.zeros((1, 2)), circuit, 0.05)
-    got = np.array([read["right"][held].mean(), read["left"][held].mean()])
-    assert got == pytest.approx(expected[0], abs=0.02)  # the room's light drifts, and bends the knee a little
-    right, left = read["right"][held].mean(), read["left"][held].mean()
-    assert right < -1.0 < left  # brighter is lower: -3 degrees brighten the right receiver
+    assert fractions[0] == pytest.approx([traced.detectors[side].power for side in ("right", "left")], abs=2e-3)
+    expected = volts(fractions, sensor.circuit, 0.05) - volts(np.zeros((1, 2)), sensor.circuit, 0.05)
+    columns = group(bench / "out" / "protocol.nc", "A")
+    at_end = np.abs(columns["angle_deg"] + 3.0) < 1e-6
+    right, left = (columns[side][at_end].mean() for side in ("right", "left"))
+    assert (right, left) == pytest.approx(expected[0], abs=0.02)  # the ambient light drifts
+    assert right < -1.0 < left  # at -3 deg the right receiver gets more light, which lowers its voltage
 
 
-def test_the_control_hardly_answers_and_wires_are_kept_apart(bench: Path) -> None:
-    recorded(bench)
-    read = group(bench / "out" / "protocol.nc", "B")
-    ends = [np.abs(read["angle_deg"] - angle) < 0.01 for angle in (-3.0, 3.0)]
-    swing = {side: np.ptp([read[side][end].mean() for end in ends]) for side in ("right", "left")}
-    lens = group(bench / "out" / "protocol.nc", "A")
-    ends = [np.abs(lens["angle_deg"] - angle) < 0.01 for angle in (-3.0, 3.0)]
-    assert max(swing.values()) < 0.1 * np.ptp([lens["right"][end].mean() for end in ends])
+def swing_V(columns: dict[str, np.ndarray], side: str) -> float:
+    return float(np.ptp([columns[side][np.abs(columns["angle_deg"] - end) < 0.01].mean() for end in (-3.0, 3.0)]))
 
 
-def test_a_seed_gives_the_same_recording_and_another_another(bench: Path) -> None:
-    for folder, name, seed in (("one", "a", None), ("two", "a", None), ("one", "b", None), ("one", "c", 6)):
-        recorded(bench, folder, name=name, seed=seed)
-    a, again, b, c = (group(bench / path, "A") for path in ("one/a.nc", "two/a.nc", "one/b.nc", "one/c.nc"))
+def test_control_has_small_response(bench: Path) -> None:
+    path = run_in(bench).path
+    control = max(swing_V(group(path, "B"), side) for side in ("right", "left"))
+    assert control < 0.1 * swing_V(group(path, "A"), "right")
+
+
+def test_seed_determines_recording(bench: Path) -> None:
+    for folder, name, seed in (("out", "a", None), ("again", "a", None), ("out", "b", None), ("out", "c", 6)):
+        run_in(bench, folder, name=name, seed=seed)
+    a, again, b, c = (group(bench / path, "A") for path in ("out/a.nc", "again/a.nc", "out/b.nc", "out/c.nc"))
     assert all(np.array_equal(a[key], again[key]) for key in a)
-    assert not np.array_equal(a["right"], b["right"])  # another run of the same prints
+    assert not np.array_equal(a["right"], b["right"])  # another run of the same sensors
     assert a["right"] == pytest.approx(b["right"], abs=5e-3)
     assert not np.array_equal(a["right"], c["right"])
 
 
-def test_everything_that_made_it_is_in_the_file(bench: Path) -> None:
-    recorded(bench)
+def test_recording_contains_rig_protocol_and_designs(bench: Path) -> None:
+    run_in(bench)
     with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
         header, events = json.loads(file.attrs["header"]), json.loads(file.attrs["events"])
         assert file.attrs["simulated"] == "yes"
@@ -99,84 +101,81 @@ def test_everything_that_made_it_is_in_the_file(bench: Path) -> None:
     assert [event["what"] for event in events].count("cycle done") == 3
 
 
-def test_it_opens_in_xarray(bench: Path) -> None:
+def test_xarray_opens_recording(bench: Path) -> None:
     import xarray as xr
 
-    recorded(bench)
+    run_in(bench)
     with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf") as data:
         assert float(data["voltage"].max()) < 5.0
     with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf", group="A") as data:
         assert data["right"].attrs["units"] == "V"
 
 
-def stopping(after: int, how: BaseException) -> Any:
+def raise_after(cycles: int, error: BaseException) -> Callable[[Tick], None]:
     def watch(tick: Tick) -> None:
-        if tick.cycle > after:
-            raise how
+        if tick.cycle > cycles:
+            raise error
 
     return watch
 
 
+@pytest.mark.usefixtures("short_reads")
 @pytest.mark.parametrize(
-    ("how", "outcome"), [(KeyboardInterrupt(), "stopped"), (BenchError("stage", limit="is on fire"), "fault")]
+    ("error", "outcome"), [(KeyboardInterrupt(), "stopped"), (BenchError("stage", limit="overheated"), "fault")]
 )
-def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
-    bench: Path, how: BaseException, outcome: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
-    with pytest.raises(type(how)):
-        recorded(bench, watch=stopping(1, how))
-    left = bench / "out" / "protocol.journal"
-    before = read_journal(left)
-    assert before.cycles == 1
-    assert [event["what"] for event in before.events][-1] == outcome
-    found = recorded(bench, resume=True)
-    assert (found.outcome, found.cycles) == ("done", 3)
+def test_resumes_after_last_complete_cycle(bench: Path, error: BaseException, outcome: str) -> None:
+    with pytest.raises(type(error)):
+        run_in(bench, watch=raise_after(1, error))
+    previous = read_journal(bench / "out" / "protocol.journal")
+    assert previous.cycles == 1
+    assert previous.events[-1]["what"] == outcome
+    run = run_in(bench, resume=True)
+    assert (run.outcome, run.cycles) == ("done", 3)
     with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
-        time, part = file.variables["time_s"][...], file.variables["part"][...]
-    assert (np.diff(time) > 0.0).all()
+        time_s, part = file.variables["time_s"][...], file.variables["part"][...]
+    assert (np.diff(time_s) > 0.0).all()
     assert set(part) == {0, 1}
 
 
-@pytest.mark.parametrize("how", [KeyboardInterrupt(), BenchError("board", limit="is on fire")])
-def test_a_stage_that_was_not_stopped_is_said(bench: Path, how: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
-    def goes_on(stage: SimulatedStage) -> None:
-        raise BenchError(stage.name, limit="goes on")
+@pytest.mark.usefixtures("short_reads")
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), BenchError("board", limit="overheated")])
+def test_reports_stage_that_was_not_stopped(bench: Path, error: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(stage: SimulatedStage) -> None:
+        raise BenchError(stage.name, limit="does not stop")
 
-    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
-    monkeypatch.setattr(SimulatedStage, "stop", goes_on)
-    with pytest.raises(type(how), match=r"stage not stopped: .*goes on.*--resume") as ended:
-        recorded(bench, watch=stopping(1, how))
-    assert "stage stopped" not in str(ended.value)
-    assert len(str(ended.value).splitlines()) == 1
+    monkeypatch.setattr(SimulatedStage, "stop", fail)
+    with pytest.raises(type(error), match=r"stage not stopped: .*does not stop.*--resume") as end:
+        run_in(bench, watch=raise_after(1, error))
+    assert "stage stopped" not in str(end.value)
+    assert len(str(end.value).splitlines()) == 1
 
 
-def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
+@pytest.mark.usefixtures("short_reads")
+def test_recovers_stopped_run(bench: Path) -> None:
     with pytest.raises(KeyboardInterrupt, match=r"emitters off, stage stopped; .*protocol\.journal: .*--resume"):
-        recorded(bench, watch=stopping(2, KeyboardInterrupt()))
+        run_in(bench, watch=raise_after(2, KeyboardInterrupt()))
     with pytest.raises(BenchError, match=r"protocol\.journal; already exists.*; use solen bench recover"):
-        recorded(bench)
+        run_in(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
-    found = recover(bench / "out" / "protocol.journal")
-    assert (found.outcome, found.cycles, found.periods) == ("stopped", 2, periods)
-    assert "the run ended early: KeyboardInterrupt" in found.warnings
-    (row,) = list_recordings(bench / "out").recordings
-    assert (row.outcome, row.sensors, row.there) == ("stopped", ("A", "B"), True)
+    run = recover(bench / "out" / "protocol.journal")
+    assert (run.outcome, run.cycles, run.periods) == ("stopped", 2, periods)
+    assert "the run ended early: KeyboardInterrupt" in run.warnings
+    (entry,) = list_recordings(bench / "out").recordings
+    assert (entry.outcome, entry.sensors, entry.there) == ("stopped", ("A", "B"), True)
 
 
-def test_a_changed_protocol_is_not_taken_up(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
+@pytest.mark.usefixtures("short_reads")
+def test_refuses_to_resume_with_changed_protocol(bench: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        recorded(bench, watch=stopping(1, KeyboardInterrupt()))
+        run_in(bench, watch=raise_after(1, KeyboardInterrupt()))
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace("hold_s = 0.1", "hold_s = 0.2"), encoding="utf-8")
     with pytest.raises(BenchError, match=r"protocol\.toml; .*; change it back"):
-        recorded(bench, resume=True)
+        run_in(bench, resume=True)
 
 
-class Silent:
-    """A board that says nothing."""
+class SilentBoard:
+    """A board that sends nothing."""
 
     name, layout, period_s, volts_per_count = "silent", Layout(1, 1), 0.005, 1.0
     losses = Losses()
@@ -197,96 +196,89 @@ class Silent:
         self.calls.append("close")
 
 
-class Stuck(SimulatedStage):
-    """A stage that does not move."""
+class StuckStage(SimulatedStage):
+    """A stage that never arrives."""
 
     def on_target(self) -> bool:
         return False
 
 
-@pytest.mark.parametrize("stage", [SimulatedStage, Stuck])
-def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage: type[SimulatedStage]) -> None:
-    clock, board = SimulatedClock(), Silent()
-    on = Instruments(stage(clock), board, clock)
-    with (
-        begin(bench / "a.journal", on, {}) as journal,
-        pytest.raises(BenchError, match=r"sent nothing for 2\.|not arrived"),
-    ):
-        run(load_protocol(bench / "protocol.toml"), on, journal)
+@pytest.mark.parametrize(
+    ("stage", "message"), [(SimulatedStage, r"has sent no data for 2\."), (StuckStage, "has sent no data|not arrived")]
+)
+def test_silent_board_or_stuck_stage_ends_run(bench: Path, stage: type[SimulatedStage], message: str) -> None:
+    clock, board = SimulatedClock(), SilentBoard()
+    instruments = Instruments(stage(clock), board, clock)
+    with begin(bench / "a.journal", instruments, {}) as journal, pytest.raises(BenchError, match=message):
+        run_protocol(load_protocol(bench / "protocol.toml"), instruments, journal)
     assert board.calls == ["start", "stop"]
     assert read_journal(bench / "a.journal").events[-1]["what"] == "fault"
 
 
-def test_a_stage_in_another_unit_than_its_protocol_does_not_move(bench: Path) -> None:
-    clock, board = SimulatedClock(), Silent()
-    on = Instruments(SimulatedStage(clock, "mm"), board, clock)
-    with begin(bench / "a.journal", on, {}) as journal, pytest.raises(BenchError, match=r"in deg, .* in mm"):
-        run(load_protocol(bench / "protocol.toml"), on, journal)
+def test_refuses_protocol_in_other_unit_than_stage(bench: Path) -> None:
+    clock, board = SimulatedClock(), SilentBoard()
+    instruments = Instruments(SimulatedStage(clock, "mm"), board, clock)
+    with begin(bench / "a.journal", instruments, {}) as journal, pytest.raises(BenchError, match=r"in deg, .* in mm"):
+        run_protocol(load_protocol(bench / "protocol.toml"), instruments, journal)
     assert board.calls == []
 
 
-def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
+def test_fits_board_clock_to_arrivals() -> None:
     rng = np.random.default_rng(2)
     board_s: FloatArray = np.asarray(np.arange(1, 3000) * 0.1, dtype=np.float64)
-    delay: FloatArray = np.asarray(rng.exponential(0.01, len(board_s)), dtype=np.float64)
-    came: FloatArray = np.asarray(7.0 + board_s * (1 - 50e-6) + delay, dtype=np.float64)
-    line = fit_clock(board_s, came)
+    delay_s: FloatArray = np.asarray(rng.exponential(0.01, len(board_s)), dtype=np.float64)
+    arrival_s: FloatArray = np.asarray(7.0 + board_s * (1 - 50e-6) + delay_s, dtype=np.float64)
+    line = fit_clock(board_s, arrival_s)
     assert line.rate == pytest.approx(1 - 50e-6, abs=2e-6)
     assert line.at(board_s) == pytest.approx(7.0 + board_s * (1 - 50e-6), abs=1e-3)
-    assert fit_clock(board_s[:3], came[:3]).rate == 1.0
-    few = slice(None, 180, 3)  # 18 s with few arrivals tell less of the rate than what a quartz is
-    assert abs(fit_clock(board_s[few], came[few]).rate - 1.0) < 60e-6
+    assert fit_clock(board_s[:3], arrival_s[:3]).rate == 1.0
+    few = slice(None, 180, 3)  # the rate from 18 s is less accurate than a quartz
+    assert abs(fit_clock(board_s[few], arrival_s[few]).rate - 1.0) < 60e-6
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
-        (
-            ("cycles = 3", "cycles = 0"),
-            r"protocol\.toml: cycles = 0; must be greater than or equal to 1|must be at least 1",
-        ),
-        (("to_deg = 0.0", "to_mm = 0.0"), r"step\[2\]; must state a target and a speed, in one unit"),
+        (("cycles = 3", "cycles = 0"), r"protocol\.toml: cycles = 0; must be at least 1"),
+        (("to_deg = 0.0", "to_mm = 0.0"), r"step\[2\]; must have a target and a velocity in the same unit"),
         (("velocity_deg_per_s = 15.0", "speed = 15.0"), r"step\[0\]\.speed; unknown key"),
-        (
-            ("to_deg = 3.0", "to_deg = 300.0"),
-            r"the protocol's reach in deg = 300.0; a simulated sensor is traced up to 80 deg",
-        ),
+        (("to_deg = 3.0", "to_deg = 300.0"), r"protocol = 300\.0; a simulated sensor is traced up to 80 deg"),
     ],
 )
-def test_bad_protocols_are_reported_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+def test_refuses_bad_protocol_in_one_line(bench: Path, change: tuple[str, str], message: str) -> None:
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace(*change, 1), encoding="utf-8")
-    with pytest.raises((BenchError, SpecError), match=told) as refusal:
-        recorded(bench)
-    assert len(str(refusal.value).splitlines()) == 1
+    with pytest.raises((BenchError, SpecError), match=message) as bad:
+        run_in(bench)
+    assert len(str(bad.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (('name = "B"', 'name = "A"'), "name A is used twice"),
         (('name = "B"', 'name = "aux.1"'), "'aux.1'; is reserved for a device on Windows"),
         (('name = "B"', 'name = "B."'), "or end in a dot"),
         (("right = 4", "right = 1"), "input 1 is used twice"),
-        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "model = 'M-1'; .* known are M-060.DG, M-111.1DG"),
-        (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
-        (("[board]", '[board]\nport = "COM1"'), "port = 'COM1'; is for a real board"),
-        (("[board]", '[stage]\ndriver = "gcs2"\n[board]'), "a real stage requires it$"),
+        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), r"model = 'M-1'; .*M-060\.DG, M-111\.1DG"),
+        (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "is in deg, and the stage moves in mm"),
+        (("[board]", '[board]\nport = "COM1"'), "port = 'COM1'; cannot be combined with driver"),
+        (("[board]", '[stage]\ndriver = "gcs2"\n[board]'), r"stage\.port; is required by the driver gcs2"),
         (("trim_v = 1.0", "trim_v = 9.0"), "must be below the supply, 5 V"),
         (('design = "sensor.toml"', 'design = "none.toml"'), "no such file"),
     ],
 )
-def test_bad_rigs_are_reported_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+def test_refuses_bad_rig_in_one_line(bench: Path, change: tuple[str, str], message: str) -> None:
     text = (bench / "rig.toml").read_text(encoding="utf-8")
     (bench / "rig.toml").write_text(text.replace(*change, 1), encoding="utf-8")
-    with pytest.raises((BenchError, SpecError, OutputError), match=told) as refusal:
-        recorded(bench)
-    assert len(str(refusal.value).splitlines()) == 1
+    with pytest.raises((BenchError, SpecError, OutputError), match=message) as bad:
+        run_in(bench)
+    assert len(str(bad.value).splitlines()) == 1
     assert not (bench / "out").exists()
 
 
 @pytest.mark.parametrize("kind", ["rotation", "bend"])
-def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
+def test_linear_stage_turns_or_bends_sensor(bench: Path, kind: str) -> None:
     rig = (bench / "rig.toml").read_text(encoding="utf-8")
     stage = '[stage]\nmodel = "M-111.1DG"\nlever_mm = 40.0\n[board]'
     (bench / "rig.toml").write_text(rig.replace("[board]", stage), encoding="utf-8")
@@ -294,63 +286,60 @@ def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
     protocol = protocol.replace("to_deg", "to_mm").replace("velocity_deg", "velocity_mm").replace("15.0", "8.0")
     (bench / "protocol.toml").write_text(protocol.replace("-3.0", "-2.0").replace("3.0", "2.0"), encoding="utf-8")
     save(bench / "sensor.toml", with_values(load(bench / "sensor.toml"), {"motion.kind": kind}))
-    found = recorded(bench)
-    told = study([found.path]).to_dict()["sensors"]["A"]["receivers"]
-    reach = math.degrees(math.atan(2.0 / 40.0))
-    for side, at in (("right", 0), ("left", -1)):
-        angles, volts = told[side]["angle_deg"], told[side]["mean_V"]
-        assert (angles[0], angles[-1]) == pytest.approx((-reach, reach), abs=0.1)  # a step of the grid
-        assert volts[at] < volts[-1 - at] - 1.0  # brighter is lower, and negative angles brighten the right receiver
-    assert told["right"]["swing_V"] > 1.0
+    receivers = study([run_in(bench).path]).to_dict()["sensors"]["A"]["receivers"]
+    end_deg = math.degrees(math.atan(2.0 / 40.0))
+    for side, brightest in (("right", 0), ("left", -1)):  # negative angles send more light to the right receiver
+        angles, volts = receivers[side]["angle_deg"], receivers[side]["mean_V"]
+        assert (angles[0], angles[-1]) == pytest.approx((-end_deg, end_deg), abs=0.1)  # a step of the grid
+        assert volts[brightest] < volts[-1 - brightest] - 1.0
+    assert receivers["right"]["swing_V"] > 1.0
 
 
-def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
-    bench: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
-    for resume, after in ((False, 1), (True, 2)):
+@pytest.mark.usefixtures("short_reads")
+def test_interrupted_cycle_is_only_among_raw_samples(bench: Path) -> None:
+    for resume, cycles in ((False, 1), (True, 2)):
         with pytest.raises(KeyboardInterrupt):
-            recorded(bench, resume=resume, watch=stopping(after, KeyboardInterrupt()))
-    found = recorded(bench, resume=True)
-    with h5netcdf.File(found.path, "r") as file:
-        cuts = json.loads(file.attrs["cut_short"])
-        root, read = file.variables["time_s"][...], file.groups["A"].variables["time_s"][...]
-    assert len(cuts) == 2
-    for begin_s, end_s in cuts:
-        assert ((root > begin_s) & (root < end_s)).any()
-        assert not ((read > begin_s + 0.01) & (read < end_s)).any()
-    told = study([found.path]).to_dict()
-    assert [len(one["runs"][0]["motion"]["cycles"]) for one in told["sensors"].values()] == [3, 3]
-    assert not [line for line in told["warnings"] if "incomplete" in line]
+            run_in(bench, resume=resume, watch=raise_after(cycles, KeyboardInterrupt()))
+    run = run_in(bench, resume=True)
+    with h5netcdf.File(run.path, "r") as file:
+        interrupted = json.loads(file.attrs["cut_short"])
+        raw_s, reading_s = file.variables["time_s"][...], file.groups["A"].variables["time_s"][...]
+    assert len(interrupted) == 2
+    for begin_s, end_s in interrupted:
+        assert ((raw_s > begin_s) & (raw_s < end_s)).any()
+        assert not ((reading_s > begin_s + 0.01) & (reading_s < end_s)).any()
+    analysis = study([run.path]).to_dict()
+    assert [len(sensor["runs"][0]["motion"]["cycles"]) for sensor in analysis["sensors"].values()] == [3, 3]
+    assert not [line for line in analysis["warnings"] if "incomplete" in line]
 
 
-def test_a_full_disk_is_reported_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_checks_disk_space_before_writing_recording(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
     with pytest.raises(OutputError, match=r"protocol\.nc; .*0\.2 MB .*; free some space"):
-        recorded(bench)
+        run_in(bench)
     monkeypatch.undo()
     assert [path.name for path in (bench / "out").iterdir()] == ["protocol.journal"]
     assert recover(bench / "out" / "protocol.journal").outcome == "done"
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("options", "message"),
     [
         ({"seed": -4}, "seed = -4; must be at least 0"),
         ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; at most 200"),
         ({"name": "../a"}, "must be the name of a file, without its folder"),
         ({"name": "nul"}, "--name = 'nul'; is reserved for a device on Windows"),
         ({"name": "a."}, "or end in a dot"),
-        ({"resume": True}, "no such journal: .*; leave --resume out"),
+        ({"resume": True}, r"protocol\.journal; there is no such journal.*; omit --resume"),
     ],
 )
-def test_bad_options_are_reported_in_one_line(bench: Path, more: dict[str, Any], told: str) -> None:
-    with pytest.raises((BenchError, SpecError), match=told):
-        recorded(bench, **more)
+def test_refuses_bad_options_before_run(bench: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises((BenchError, SpecError), match=message):
+        run_in(bench, **options)
     assert not (bench / "out").exists()
 
 
-def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
+def test_starter_files_are_valid_and_never_overwritten(tmp_path: Path) -> None:
     new(tmp_path / "bench")
     for name in ("rotation", "bending"):
         assert load_protocol(tmp_path / "bench" / f"{name}.toml").cycles == 6
@@ -358,41 +347,41 @@ def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
         rig = load_rig(tmp_path / "bench" / f"{name}.toml")
         assert (rig.inputs, rig.stage.lever_mm) == (8, 40.0 if kind == "bend" else None)
         assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
-    new(tmp_path / "bench")  # the same again changes nothing
-    (tmp_path / "bench" / "rig.toml").write_text("mine", encoding="utf-8")
+    new(tmp_path / "bench")  # unchanged files are accepted
+    (tmp_path / "bench" / "rig.toml").write_text("changed", encoding="utf-8")
     with pytest.raises(OutputError, match="already exists"):
         new(tmp_path / "bench")
-    assert (tmp_path / "bench" / "rig.toml").read_text(encoding="utf-8") == "mine"
+    assert (tmp_path / "bench" / "rig.toml").read_text(encoding="utf-8") == "changed"
 
 
-def test_a_folder_that_cannot_be_written_to_is_listed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    recorded(bench)
+def test_lists_recordings_of_read_only_folder(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_in(bench)
     out, connect = bench / "out", sqlite3.connect
 
-    def read_only(path: Path, **more: Any) -> sqlite3.Connection:
-        opened: sqlite3.Connection = connect(f"{path.as_uri()}?mode=ro", uri=True, **more)
-        return opened
+    def connect_read_only(path: Path, **options: Any) -> sqlite3.Connection:
+        connection: sqlite3.Connection = connect(f"{path.as_uri()}?mode=ro", uri=True, **options)
+        return connection
 
-    (out / "strange.nc").write_bytes(b"no netCDF")
-    monkeypatch.setattr("sqlite3.connect", read_only)
+    (out / "other.nc").write_bytes(b"no netCDF")
+    monkeypatch.setattr("sqlite3.connect", connect_read_only)
     with_catalogue = list_recordings(out)
-    looked = list_recordings(out, look=True)
+    from_files = list_recordings(out, look=True)
     (out / "recordings.sqlite").unlink()
-    without = list_recordings(out)
-    assert with_catalogue.recordings == looked.recordings == without.recordings
-    assert looked.not_recordings == without.not_recordings == ("strange.nc",)
+    without_catalogue = list_recordings(out)
+    assert with_catalogue.recordings == from_files.recordings == without_catalogue.recordings
+    assert from_files.not_recordings == without_catalogue.not_recordings == ("other.nc",)
     assert not (out / "recordings.sqlite").exists()
 
 
-def test_a_catalogue_takes_in_what_was_put_there_and_tells_what_is_missing(bench: Path) -> None:
-    recorded(bench)
+def test_catalogue_lists_new_and_missing_recordings(bench: Path) -> None:
+    run_in(bench)
     out = bench / "out"
     (out / "protocol.nc").rename(out / "moved.nc")
-    (out / "strange.nc").write_bytes(b"no netCDF")
-    found = list_recordings(out, look=True)
-    assert {row.file: row.there for row in found.recordings} == {"protocol.nc": False, "moved.nc": True}
-    assert found.not_recordings == ("strange.nc",)
-    assert "strange.nc" in found.warnings[0]
-    (out / "recordings.sqlite").write_bytes(b"no database, but long enough to be looked at as one" * 30)
+    (out / "other.nc").write_bytes(b"no netCDF")
+    catalogue = list_recordings(out, look=True)
+    assert {entry.file: entry.there for entry in catalogue.recordings} == {"protocol.nc": False, "moved.nc": True}
+    assert catalogue.not_recordings == ("other.nc",)
+    assert "other.nc" in catalogue.warnings[0]
+    (out / "recordings.sqlite").write_bytes(b"not a database, but as long as one" * 50)
     with pytest.raises(OutputError, match="cannot be used"):
         list_recordings(out)

@@ -1,4 +1,4 @@
-"""A stop after Ctrl-C at any moment of a conversation: a late answer to another question is not taken for its own."""
+"""A stop after Ctrl-C at any moment of an exchange: a late reply is not taken for the reply to a later query."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ import pytest
 from solen.bench.clock import SimulatedClock
 from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.grbl import GrblStage
-from solen.bench.homing import make_known
+from solen.bench.homing import ensure_zero
 from solen.bench.kinesis import KinesisStage
 from solen.bench.link import Link
 from solen.bench.roles import Stage
@@ -18,59 +18,65 @@ from solen.bench.zaber import ZaberStage
 from tests.bench.gcs2_controller_support import Gcs2Controller
 from tests.bench.grbl_controller_support import GrblController
 from tests.bench.kinesis_controller_support import KinesisController
-from tests.bench.wire_support import Answers
+from tests.bench.wire_support import Instrument
 from tests.bench.zaber_controller_support import ZaberDevice
 
 
 @dataclass
 class TricklingWire:
-    """A link whose answers begin late and come byte by byte; one reading or writing is interrupted.
+    """A link whose replies begin late and arrive byte by byte; one call of `read` or `write` is interrupted.
 
     Attributes
     ----------
-    late_s, byte_s
-        After a question its answer's first byte, and time of each.
-    interrupted
-        Number of the reading or writing that Ctrl-C interrupts, from 0; below 0 for none.
-    lost
-        Whether what was read is lost by that, or nothing was read or written yet.
+    delay_s, byte_s
+        Time from a query to the first byte of its reply, and time for each byte.
+    interrupted_call
+        Index of the call that Ctrl-C interrupts; negative for none.
+    after
+        Whether Ctrl-C interrupts this call at its end, so that the bytes read are lost, or at its beginning.
     """
 
-    instrument: Answers
+    instrument: Instrument
     clock: SimulatedClock
-    late_s: float = 0.08
+    delay_s: float = 0.08
     byte_s: float = 1e-3
-    interrupted: int = -1
-    lost: bool = False
+    interrupted_call: int = -1
+    after: bool = False
     name: str = "trickling"
-    done: int = 0
-    _coming: list[tuple[float, int]] = field(default_factory=list)
+    calls: int = 0
+    _arrivals: list[tuple[float, int]] = field(default_factory=list)
 
     def write(self, data: bytes) -> None:
-        self._at(before=True)
-        answer, begin_s = self.instrument.answer(data), self.clock.now_s() + self.late_s
-        begin_s = max(begin_s, self._coming[-1][0] if self._coming else 0.0)
-        self._coming += [(begin_s + n * self.byte_s, byte) for n, byte in enumerate(answer, 1)]
-        self._at(before=False)
+        self._begin_call()
+        reply, begin_s = self.instrument.reply(data), self.clock.now_s() + self.delay_s
+        begin_s = max(begin_s, self._arrivals[-1][0] if self._arrivals else 0.0)
+        self._arrivals += [(begin_s + n * self.byte_s, byte) for n, byte in enumerate(reply, 1)]
+        self._end_call()
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        self._at(before=True)
-        due_s = self._coming[0][0] - self.clock.now_s() if self._coming else timeout_s
+        self._begin_call()
+        due_s = self._arrivals[0][0] - self.clock.now_s() if self._arrivals else timeout_s
         self.clock.sleep(max(0.0, min(due_s, timeout_s)))
-        came = [byte for at_s, byte in self._coming[:most] if at_s <= self.clock.now_s() + 1e-9]
-        del self._coming[: len(came)]
-        self._at(before=False)
-        return bytes(came)
+        received = [byte for at_s, byte in self._arrivals[:most] if at_s <= self.clock.now_s() + 1e-9]
+        del self._arrivals[: len(received)]
+        self._end_call()
+        return bytes(received)
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: no port is open."""
 
-    def _at(self, *, before: bool) -> None:
-        number = self.done
-        self.done += not before
-        if number == self.interrupted and before is not self.lost:
-            self.interrupted = -1
-            raise KeyboardInterrupt
+    def _begin_call(self) -> None:
+        if self.calls == self.interrupted_call and not self.after:
+            self._interrupt()
+
+    def _end_call(self) -> None:
+        self.calls += 1
+        if self.calls - 1 == self.interrupted_call and self.after:
+            self._interrupt()
+
+    def _interrupt(self) -> None:
+        self.interrupted_call = -1
+        raise KeyboardInterrupt
 
 
 def _gcs2(clock: SimulatedClock) -> tuple[Any, Callable[[Link], Stage]]:
@@ -90,19 +96,19 @@ def _grbl(clock: SimulatedClock) -> tuple[Any, Callable[[Link], Stage]]:
     return GrblController(clock), partial(GrblStage, clock=clock)
 
 
-@pytest.mark.parametrize("made", [_gcs2, _grbl, _kinesis, _zaber])
-@pytest.mark.parametrize("lost", [False, True])
-def test_a_stop_is_known_whatever_ctrl_c_interrupted(
-    made: Callable[[SimulatedClock], tuple[Any, Callable[[Link], Stage]]], lost: bool
+@pytest.mark.parametrize("simulated", [_gcs2, _grbl, _kinesis, _zaber])
+@pytest.mark.parametrize("after", [False, True])
+def test_stops_after_ctrl_c_at_any_call(
+    simulated: Callable[[SimulatedClock], tuple[Any, Callable[[Link], Stage]]], after: bool
 ) -> None:
-    interrupted = 0
+    interrupted_call = 0
     while True:
         clock = SimulatedClock()
-        controller, opened = made(clock)
-        wire = TricklingWire(controller, clock, lost=lost)
-        stage = opened(wire)
-        make_known(stage, "here", 0.0)
-        wire.done, wire.interrupted = 0, interrupted
+        controller, open_stage = simulated(clock)
+        wire = TricklingWire(controller, clock, after=after)
+        stage = open_stage(wire)
+        ensure_zero(stage, "here", 0.0)
+        wire.calls, wire.interrupted_call = 0, interrupted_call
         try:
             stage.begin_move(3.0, 2.0)
             stage.position()
@@ -111,11 +117,11 @@ def test_a_stop_is_known_whatever_ctrl_c_interrupted(
         except KeyboardInterrupt:
             stage.stop()
             assert not controller.axis.moving(clock.now_s())
-            at = stage.position()
-            assert at < 2.9
+            position = stage.position()
+            assert position < 2.9
             clock.sleep(1.0)
-            assert stage.position() == at  # nor is anything left over
+            assert stage.position() == position  # no earlier reply is pending
         else:
             break
-        interrupted += 1
-    assert interrupted > 20
+        interrupted_call += 1
+    assert interrupted_call > 20

@@ -1,4 +1,4 @@
-"""A calibration as code on a board: the same angles in Python, MicroPython, C and on an AVR as the whole decoder's."""
+"""A calibration as code for a board: the angles in Python, MicroPython, C and on an AVR are those of the decoder."""
 
 import re
 import shutil
@@ -17,38 +17,39 @@ from tests.analysis.simulated_support import Truth
 from tests.bench.firmware_support import micropython
 
 
-def known() -> Calibration:
+def calibration_of_truth() -> Calibration:
     return calibrated(training(Truth(noise_V=0.01, protocol=SHORT)))
 
 
-def made(points: int = 33) -> BoardTable:
-    return BoardTable.of(known(), points, name="S1", readings="in V, ambient light subtracted", version="0")
+def board_table(points: int = 33) -> BoardTable:
+    calibration = calibration_of_truth()
+    return BoardTable.of(calibration, points, name="S1", readings="in V, ambient light subtracted", version="0")
 
 
 def readings() -> FloatArray:
-    """Readings along both ways, with noise, and two far from any angle."""
-    calibration, rng = known(), np.random.default_rng(2)
+    """Return readings on both branches with noise, and two far from any angle."""
+    calibration, rng = calibration_of_truth(), np.random.default_rng(2)
     curve = calibration.curves_V[:, 2:-2:3].reshape(-1, 2)
     return np.concatenate([curve + rng.normal(0.0, 0.01, curve.shape), [[9.0, 9.0], [-4.0, 2.0]]])
 
 
-def test_the_table_gives_the_decoder_s_angles() -> None:
-    calibration, table, volts = known(), made(), readings()
-    whole = Decoder(calibration).decode(volts)
-    found = by_python(table, volts)
-    spread = 0.5 * (whole.high_deg[:, 0] - whole.low_deg[:, 0])
-    on = ~whole.outside
-    assert np.abs(found[on, 0] - whole.angle_deg[on]).max() < 0.5 * spread[on].max()
-    assert (found[on, 1] / spread[on]).mean() == pytest.approx(1.0, abs=0.3)
-    assert found[-2:, 2].all()
-    assert not found[:-2, 2].any()
-    off_deg, sigma = table.deviation(calibration)
-    assert off_deg < 0.1
+def test_table_gives_angles_of_decoder() -> None:
+    calibration, table, volts = calibration_of_truth(), board_table(), readings()
+    expected = Decoder(calibration).decode(volts)
+    angle_deg, u_deg, outside = run_python(table, volts).T
+    spread_deg = 0.5 * (expected.high_deg[:, 0] - expected.low_deg[:, 0])
+    inside = ~expected.outside
+    assert np.abs(angle_deg - expected.angle_deg)[inside].max() < 0.5 * spread_deg[inside].max()
+    assert (u_deg / spread_deg)[inside].mean() == pytest.approx(1.0, abs=0.3)
+    assert outside[-2:].all()
+    assert not outside[:-2].any()
+    error_deg, sigma = table.deviation(calibration)
+    assert error_deg < 0.1
     assert sigma < 0.5
-    assert made(5).deviation(calibration)[0] > 2.0 * off_deg  # a coarse one says so
+    assert board_table(5).deviation(calibration)[0] > 2.0 * error_deg  # a coarse table has a larger error
 
 
-def test_a_name_cannot_leave_its_comment() -> None:
+def test_name_cannot_end_comment_of_source() -> None:
     table = BoardTable(np.ones((1, 9)), 1.0, name='S 1 (a)\\"\n""*/"\n#*/', readings='dark"""\\', version="0.1+b")
     assert table.python.startswith('"""Angles of a calibrated sensor: S 1 (a). Written by solen 0.1+b.')
     compile(table.python, "solen_decode.py", "exec")
@@ -69,38 +70,41 @@ int main(void) {
 """
 
 
-def by_python(table: BoardTable, volts: FloatArray) -> FloatArray:
-    space: dict[str, object] = {}
-    exec(table.python, space)  # noqa: S102
-    rows = [space["decode"](*row) for row in volts.tolist()]  # type: ignore[operator]
+def run_python(table: BoardTable, volts: FloatArray) -> FloatArray:
+    """Return angle, uncertainty and whether the reading is outside, (N, 3)."""
+    namespace: dict[str, object] = {}
+    exec(table.python, namespace)  # noqa: S102
+    rows = [namespace["decode"](*row) for row in volts.tolist()]  # type: ignore[operator]
     return np.array(rows, np.float64)
 
 
-def test_the_header_in_c_gives_the_same(tmp_path: Path) -> None:
+def numbers(text: str) -> FloatArray:
+    return np.array([row.split() for row in text.splitlines()], float)
+
+
+def test_c_gives_same_angles(tmp_path: Path) -> None:
     compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
     if compiler is None:
         pytest.skip("there is no C compiler")
-    table, volts = made(), readings()
+    table, volts = board_table(), readings()
     (tmp_path / "solen_decode.h").write_text(table.c, encoding="utf-8")
     (tmp_path / "main.c").write_text(PROGRAM, encoding="utf-8")
     line = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", str(tmp_path / "main.c")]
     subprocess.run([*line, "-lm", "-o", str(tmp_path / "main")], check=True)
-    said = "".join(f"{left:.7f} {right:.7f}\n" for left, right in volts.tolist())
-    done = subprocess.run([str(tmp_path / "main")], input=said, capture_output=True, text=True, check=True)
-    found = np.array([row.split() for row in done.stdout.splitlines()], float)
-    assert found == pytest.approx(by_python(table, volts), abs=2e-4)
+    rows = "".join(f"{left:.7f} {right:.7f}\n" for left, right in volts.tolist())
+    done = subprocess.run([str(tmp_path / "main")], input=rows, capture_output=True, text=True, check=True)
+    assert numbers(done.stdout) == pytest.approx(run_python(table, volts), abs=2e-4)
 
 
 @pytest.mark.evidence
-def test_micropython_gives_the_same(tmp_path: Path) -> None:
+def test_micropython_gives_same_angles(tmp_path: Path) -> None:
     command = micropython(tmp_path)
     if isinstance(command, str):
         pytest.skip(command)
-    table, volts = made(), readings()
-    ask = f"\nfor left, right in {volts.tolist()}:\n    print(*[float(one) for one in decode(left, right)])\n"
-    done = subprocess.run(command, input=table.python + ask, capture_output=True, text=True, check=True)
-    found = np.array([row.split() for row in done.stdout.splitlines()], float)
-    assert found == pytest.approx(by_python(table, volts), abs=1e-6)
+    table, volts = board_table(), readings()
+    loop = f"\nfor left, right in {volts.tolist()}:\n    print(*[float(value) for value in decode(left, right)])\n"
+    done = subprocess.run(command, input=table.python + loop, capture_output=True, text=True, check=True)
+    assert numbers(done.stdout) == pytest.approx(run_python(table, volts), abs=1e-6)
 
 
 ON_AVR = """
@@ -121,9 +125,9 @@ int main(void) {{
     UBRR0 = 3;
     UCSR0A = 1 << U2X0;
     UCSR0B = 1 << TXEN0;
-    for (unsigned place = 0; place < sizeof volts / sizeof *volts; place++) {{
+    for (unsigned i = 0; i < sizeof volts / sizeof *volts; i++) {{
         float angle, u;
-        int on = solen_decode(volts[place][0], volts[place][1], &angle, &u);
+        int on = solen_decode(volts[i][0], volts[i][1], &angle, &u);
         fprintf(&out, "=%ld %ld %d\\n", (long)lroundf(angle * 1e4f), (long)lroundf(u * 1e4f), !on);
     }}
     cli();
@@ -133,11 +137,11 @@ int main(void) {{
 
 
 @pytest.mark.evidence
-def test_an_avr_gives_the_same(tmp_path: Path) -> None:
+def test_avr_gives_same_angles(tmp_path: Path) -> None:
     missing = [name for name in ("avr-gcc", "simavr") if shutil.which(name) is None]
     if missing:
         pytest.skip(f"{', '.join(missing)} not installed")
-    table, volts = made(17), readings()[-24:]
+    table, volts = board_table(17), readings()[-24:]
     (tmp_path / "solen_decode.h").write_text(table.c, encoding="utf-8")
     rows = ", ".join(f"{{{left:.7f}f, {right:.7f}f}}" for left, right in volts.tolist())
     (tmp_path / "main.c").write_text(ON_AVR.format(rows=rows), encoding="utf-8")
@@ -145,5 +149,5 @@ def test_an_avr_gives_the_same(tmp_path: Path) -> None:
     subprocess.run([*line, "-lm", "-o", str(tmp_path / "main.elf")], check=True)
     run = ["simavr", "-m", "atmega328p", "-f", "16000000", str(tmp_path / "main.elf")]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
-    found = np.array(re.findall(r"=(-?\d+) (-?\d+) ([01])", done.stdout + done.stderr), float) * [1e-4, 1e-4, 1.0]
-    assert found == pytest.approx(by_python(table, volts), abs=2e-3)
+    rows_out = np.array(re.findall(r"=(-?\d+) (-?\d+) ([01])", done.stdout + done.stderr), float)
+    assert rows_out * [1e-4, 1e-4, 1.0] == pytest.approx(run_python(table, volts), abs=2e-3)

@@ -1,4 +1,4 @@
-"""A rig whose receivers count something else than volts: from the rig file to angles, nothing is called volts."""
+"""A rig whose receivers are not read in volts: from the rig file to angles, every unit is that of the rig."""
 
 import json
 import re
@@ -23,61 +23,70 @@ from solen.pipeline.bench.table import table
 VOLTS_PER_COUNT = 5.0 / 65536
 
 
-def rig_in(bench: Path, unit: str, more: str = "") -> Path:
+def write_rig(bench: Path, unit: str, keys: str = "") -> Path:
     path = bench / f"rig-{unit}.toml"
     text = (bench / "rig.toml").read_text(encoding="utf-8")
-    path.write_text(text.replace("[board]\n", f'[board]\nunit = "{unit}"\n{more}'), encoding="utf-8")
+    path.write_text(text.replace("[board]\n", f'[board]\nunit = "{unit}"\n{keys}'), encoding="utf-8")
     return path
 
 
-def volts_keys(value: Any) -> list[str]:
-    """Keys anywhere that name volts."""
-    if isinstance(value, list):
-        return [key for one in value for key in volts_keys(one)]
-    if not isinstance(value, dict):
+def volt_keys(data: Any) -> list[str]:
+    """Return the keys at any depth that name volts."""
+    if isinstance(data, list):
+        return [key for value in data for key in volt_keys(value)]
+    if not isinstance(data, dict):
         return []
-    own = [key for key in value if re.search(r"_V\d?(_|$)|volt", key)]
-    return own + [key for name, one in value.items() if name not in {"options", "sources"} for key in volts_keys(one)]
+    nested = [value for key, value in data.items() if key not in {"options", "sources"}]
+    return [key for key in data if re.search(r"_V\d?(_|$)|volt", key)] + volt_keys(nested)
 
 
-@pytest.mark.parametrize(("unit", "more", "per_count"), [("pF", "per_count = 0.001\n", 1e-3), ("counts", "", 1.0)])
-def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str, more: str, per_count: float) -> None:
-    rig = rig_in(bench, unit, more)
-    steps = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", "cycles = 5")
-    (bench / "protocol.toml").write_text(steps, encoding="utf-8")
-    paths = {
-        name: record(bench / "protocol.toml", one, bench / "out", RecordOptions(name=name)).path
-        for name, one in (("own", rig), ("again", rig), ("volts", bench / "rig.toml"))
-    }
-    scale = per_count / VOLTS_PER_COUNT
-    with h5netcdf.File(paths["own"], "r") as file:
+def record_with(bench: Path, rig: Path, name: str) -> Path:
+    return record(bench / "protocol.toml", rig, bench / "out", RecordOptions(name=name)).path
+
+
+@pytest.mark.parametrize(("unit", "keys", "per_count"), [("pF", "per_count = 0.001\n", 1e-3), ("counts", "", 1.0)])
+def test_recording_and_analysis_have_unit_of_board(bench: Path, unit: str, keys: str, per_count: float) -> None:
+    path = record_with(bench, write_rig(bench, unit, keys), "run")
+    in_volts = record_with(bench, bench / "rig.toml", "volts")
+    with h5netcdf.File(path, "r") as file:
         assert "voltage" not in file.variables
         assert file.variables["signal"].attrs["units"] == unit
         assert {file["A"][name].attrs["units"] for name in ("right", "left", "right_ambient")} == {unit}
-    found, volts = (analyse(paths[name]).result for name in ("own", "volts"))
-    assert isinstance(found, Study)
-    assert isinstance(volts, Study)
-    assert found.unit == unit
-    assert not volts_keys(found.to_dict())
-    for name, own in found.sensors["A"].receivers.items():
-        assert own.swing_V == pytest.approx(scale * volts.sensors["A"].receivers[name].swing_V, rel=1e-3)
-    made = calibrate(paths["own"])
-    assert not volts_keys(made.to_dict())
-    place = made.files["calibration.A"]
-    assert not volts_keys(json.loads(place.read_text(encoding="utf-8")))
-    decoded = decode(place, str(paths["again"])).result
+    study, study_in_volts = (analyse(recording).result for recording in (path, in_volts))
+    assert isinstance(study, Study)
+    assert isinstance(study_in_volts, Study)
+    assert study.unit == unit
+    assert not volt_keys(study.to_dict())
+    for name, receiver in study.sensors["A"].receivers.items():
+        swing_V = study_in_volts.sensors["A"].receivers[name].swing_V
+        assert receiver.swing_V == pytest.approx(per_count / VOLTS_PER_COUNT * swing_V, rel=1e-3)
+
+
+def test_calibration_and_decoding_have_unit_of_board(bench: Path) -> None:
+    text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", "cycles = 5")
+    (bench / "protocol.toml").write_text(text, encoding="utf-8")
+    rig = write_rig(bench, "pF", "per_count = 0.001\n")
+    path, again, in_volts = (
+        record_with(bench, rig_file, name)
+        for name, rig_file in (("run", rig), ("again", rig), ("volts", bench / "rig.toml"))
+    )
+    outcome = calibrate(path)
+    assert not volt_keys(outcome.to_dict())
+    calibration = outcome.files["calibration.A"]
+    assert not volt_keys(json.loads(calibration.read_text(encoding="utf-8")))
+    decoded = decode(calibration, str(again)).result
     assert isinstance(decoded, Decoding)
     assert decoded.against_angle is not None
     assert decoded.against_angle.within_95 > 0.9
-    with pytest.raises(DataError, match=rf"'V'; is the unit of the readings.* is {unit}"):
-        decode(place, str(paths["volts"]))
-    live = decode(place, "-", text=[f"time_s,left ({unit}),right ({unit})\n", *lines_of(paths["again"])]).result
+    with pytest.raises(DataError, match=r"'V'; is the unit of the readings.* is pF"):
+        decode(calibration, str(in_volts))
+    live = decode(calibration, "-", text=["time_s,left (pF),right (pF)\n", *lines_of(again)]).result
     assert isinstance(live, Decoding)
     assert live.lowest_deg == pytest.approx(decoded.lowest_deg, abs=0.02)
-    with pytest.raises(DataError, match=rf"of the readings.* is {unit}"):
-        decode(place, "-", text=["time_s,left (mV),right (mV)\n", "0,1,2\n"])
-    sources = table(place, bench / "code").files
-    assert f"in {unit}, ambient light subtracted" in sources["solen_decode.h"].read_text(encoding="utf-8")
+    with pytest.raises(DataError, match=r"of the readings.* is pF"):
+        decode(calibration, "-", text=["time_s,left (mV),right (mV)\n", "0,1,2\n"])
+    sources = table(calibration, bench / "code").files
+    assert "in pF, ambient light subtracted" in sources["solen_decode.h"].read_text(encoding="utf-8")
 
 
 def lines_of(path: Path) -> list[str]:
@@ -86,30 +95,29 @@ def lines_of(path: Path) -> list[str]:
     return [f"{a},{b},{c}\n" for a, b, c in rows.tolist()]
 
 
-def test_a_rig_in_another_unit_is_looked_over_in_it(bench: Path) -> None:
-    found = check(rig_in(bench, "lux", "per_count = 0.5\n"), CheckOptions(seconds=0.5))
-    volts = check(bench / "rig.toml", CheckOptions(seconds=0.5))
-    scale = 0.5 / VOLTS_PER_COUNT
-    assert not volts_keys(found.to_dict())
-    own = found.sensors["A"]["left"]
-    assert own.signal_V == pytest.approx(scale * volts.sensors["A"]["left"].signal_V)
-    assert own.load_factor is None
-    assert found.faults == ()
+def test_check_has_unit_of_board(bench: Path) -> None:
+    result = check(write_rig(bench, "lux", "per_count = 0.5\n"), CheckOptions(seconds=0.5))
+    in_volts = check(bench / "rig.toml", CheckOptions(seconds=0.5))
+    assert not volt_keys(result.to_dict())
+    receiver = result.sensors["A"]["left"]
+    assert receiver.signal_V == pytest.approx(0.5 / VOLTS_PER_COUNT * in_volts.sensors["A"]["left"].signal_V)
+    assert receiver.load_factor is None
+    assert result.faults == ()
 
 
 @pytest.mark.parametrize(
-    ("board", "told"),
+    ("board", "message"),
     [
-        ('unit = "pF"', "per_count; must state the size of one count in pF"),
-        ("per_count = 2.0", r"per_count = 2\.0.*units other than V"),
+        ('unit = "pF"', "per_count; is missing; set it to the size of one count in pF"),
+        ("per_count = 2.0", r"per_count = 2\.0.*unit other than V"),
         (
             'driver = "serial"\nport = "COM3"\nunit = "lux"\nper_count = 1.0\nrange_v = 5.0',
             r"range_v = 5\.0.*not for lux",
         ),
     ],
 )
-def test_a_unit_states_what_a_count_is(bench: Path, board: str, told: str) -> None:
+def test_size_of_count_is_specified_once(bench: Path, board: str, message: str) -> None:
     sensor = '[[sensor]]\nname = "A"\ndesign = "a.toml"\nemitter = 1\nright = 1\nleft = 2\n'
-    (bench / "own.toml").write_text(f'schema = 1\nname = "x"\n[board]\n{board}\n{sensor}', encoding="utf-8")
-    with pytest.raises(BenchError, match=told):
-        load_rig(bench / "own.toml")
+    (bench / "unit.toml").write_text(f'schema = 1\nname = "x"\n[board]\n{board}\n{sensor}', encoding="utf-8")
+    with pytest.raises(BenchError, match=message):
+        load_rig(bench / "unit.toml")

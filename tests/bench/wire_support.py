@@ -1,7 +1,7 @@
-"""Wires to simulated instruments: within the program, and behind a socket, with the faults that real ones have.
+"""Lines to simulated instruments, within the program or over a socket, with the faults of real lines.
 
-The interface: `Answers` is what a simulated instrument is; `Wire` a `Link` straight to one, on any clock; `Served`
-serves one on a loopback socket, for a driver that opens it as pyserial's ``socket://``. `Faults` go wrong on purpose.
+`Instrument` is the interface of a simulated instrument; `Wire` is a `Link` to one, on any clock; `Served` serves one on
+a loopback socket, for a driver that opens it as pyserial's ``socket://``. `Faults` are injected into either.
 """
 
 import contextlib
@@ -16,85 +16,83 @@ from solen.bench.clock import Clock
 from solen.errors import BenchError
 
 
-class Answers(Protocol):
-    """Bytes in, bytes out; called with none it says what it says by itself."""
+class Instrument(Protocol):
+    """A simulated instrument: bytes in, bytes out."""
 
-    def answer(self, data: bytes) -> bytes:
-        """What it says to bytes that came."""
+    def reply(self, data: bytes) -> bytes:
+        """Return the reply to some bytes, and whatever the instrument sends unsolicited."""
 
 
 @dataclass
 class Faults:
-    """What goes wrong on a wire.
+    """Faults of a line.
 
     Attributes
     ----------
     deaf
-        Nothing is answered any more.
-    gone
-        The line is gone, as when a plug is pulled.
+        No more replies arrive.
+    disconnected
+        The line is disconnected, as by an unplugged cable.
     garbage
-        Bytes that come before the next answer, once.
+        Bytes that arrive once, before the next reply.
     lost
-        How many bytes at the beginning of the next answer are lost, once.
+        Number of bytes at the beginning of the next reply that are lost once.
     """
 
     deaf: bool = False
-    gone: bool = False
+    disconnected: bool = False
     garbage: bytes = b""
     lost: int = 0
 
-    def on(self, answer: bytes) -> bytes:
-        """What arrives of an answer."""
+    def apply(self, reply: bytes) -> bytes:
+        """Return what arrives of a reply."""
         if self.deaf:
             return b""
-        if not answer:
-            return answer
-        answer, self.lost = answer[self.lost :], max(0, self.lost - len(answer))
-        answer, self.garbage = self.garbage + answer, b""
-        return answer
+        if not reply:
+            return reply
+        reply, self.lost = reply[self.lost :], max(0, self.lost - len(reply))
+        reply, self.garbage = self.garbage + reply, b""
+        return reply
 
 
 @dataclass
 class Wire:
-    """A link straight to a simulated instrument; waiting for bytes that do not come passes the clock's time."""
+    """A link directly to a simulated instrument; a time-out passes on the clock, which may be simulated."""
 
-    instrument: Answers
+    instrument: Instrument
     clock: Clock
     name: str = "simulated"
     faults: Faults = field(default_factory=Faults)
     sent: list[bytes] = field(default_factory=list)
-    _coming: bytearray = field(default_factory=bytearray)
+    _received: bytearray = field(default_factory=bytearray)
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
         self._check()
         self.sent.append(data)
-        self._coming += self.faults.on(self.instrument.answer(data))
+        self._received += self.faults.apply(self.instrument.reply(data))
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        """What has come, up to ``most`` bytes."""
         self._check()
-        self._coming += self.faults.on(self.instrument.answer(b""))
-        if not self._coming and timeout_s > 0.0:
+        self._received += self.faults.apply(self.instrument.reply(b""))
+        if not self._received and timeout_s > 0.0:
             self.clock.sleep(timeout_s)
-            self._coming += self.faults.on(self.instrument.answer(b""))
-        data = bytes(self._coming[:most])
-        del self._coming[:most]
+            self._received += self.faults.apply(self.instrument.reply(b""))
+        data = bytes(self._received[:most])
+        del self._received[:most]
         return data
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        pass
 
     def _check(self) -> None:
-        if self.faults.gone:
+        if self.faults.disconnected:
             raise BenchError(self.name, limit="the line is disconnected", remedy="check the cable and the power")
 
 
 class Served:
-    """A simulated instrument behind a loopback socket. Use it in a ``with`` statement; `url` is what a driver opens."""
+    """A simulated instrument on a loopback socket, in a ``with`` statement; a driver opens its `url`."""
 
-    def __init__(self, instrument: Answers, faults: Faults | None = None) -> None:
+    def __init__(self, instrument: Instrument, faults: Faults | None = None) -> None:
         self.faults = faults or Faults()
         self._instrument = instrument
         self._ended = threading.Event()
@@ -118,13 +116,13 @@ class Served:
             if select.select([self._listening], [], [], 0.05)[0]:
                 peer, _ = self._listening.accept()
                 with peer, contextlib.suppress(OSError):
-                    self._talk(peer)
+                    self._serve_peer(peer)
 
-    def _talk(self, peer: socket.socket) -> None:
-        while not self._ended.is_set() and not self.faults.gone:
+    def _serve_peer(self, peer: socket.socket) -> None:
+        while not self._ended.is_set() and not self.faults.disconnected:
             ready = select.select([peer], [], [], 0.002)[0]
             data = peer.recv(4096) if ready else b""
             if ready and not data:
                 return
-            if answer := self.faults.on(self._instrument.answer(data)):
-                peer.sendall(answer)
+            if reply := self.faults.apply(self._instrument.reply(data)):
+                peer.sendall(reply)

@@ -1,4 +1,4 @@
-"""A device that speaks the Zaber ASCII protocol and has a simulated axis, written after its manual."""
+"""A device with the Zaber ASCII protocol and a simulated axis, written from the protocol manual."""
 
 from dataclasses import dataclass, field
 
@@ -8,16 +8,18 @@ from solen.bench.simulated.stage import Axis
 
 @dataclass
 class ZaberDevice:
-    """A simulated device with one axis; its axis is in microsteps.
+    """A simulated device with one axis, whose position is in microsteps.
 
     Attributes
     ----------
     clock
-        Whose time the axis moves by.
+        Clock of the axis.
     highest
-        Highest ``maxspeed`` that it takes.
+        Highest ``maxspeed`` that it accepts.
     warning
-        What it warns of: ``WR`` until it is homed or given a position.
+        Its warning: ``WR`` until it is homed or its position is set.
+    alert
+        Unsolicited line that it sends before the next reply.
     """
 
     clock: Clock
@@ -28,28 +30,27 @@ class ZaberDevice:
     alert: bytes = b""
     _line: bytes = b""
 
-    def answer(self, data: bytes) -> bytes:
-        """What it says to bytes that came."""
-        said = b""
+    def reply(self, data: bytes) -> bytes:
+        reply = b""
         for byte in data:
             self._line += bytes([byte])
             if byte == 10:
                 line, self._line = self._line.decode().strip(), b""
-                said += self.alert + self._obey(line)
+                reply += self.alert + self._reply_line(line)
                 self.alert = b""
-        return said
+        return reply
 
-    def _obey(self, line: str) -> bytes:
+    def _reply_line(self, line: str) -> bytes:
         head, axis, *words = line.split()
         if (head, axis) != ("/1", "1"):
             return b""
         now = self.clock.now_s()
-        answer = self._does(words, now)
-        taken = "RJ" if answer.startswith("BAD") else "OK"
+        data = self._execute(words, now)
+        flag = "RJ" if data.startswith("BAD") else "OK"
         state = "BUSY" if self.axis.moving(now) else "IDLE"
-        return f"@01 1 {taken} {state} {self.warning} {answer}\r\n".encode()
+        return f"@01 1 {flag} {state} {self.warning} {data}\r\n".encode()
 
-    def _does(self, words: list[str], now: float) -> str:
+    def _execute(self, words: list[str], now: float) -> str:
         match words:
             case ["get", "pos"]:
                 return str(round(self.axis.at(now)))

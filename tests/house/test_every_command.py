@@ -90,7 +90,7 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Outp
             patch.setenv(name, str(folder))
         patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))  # the others differ only in their names
         patch.setattr("solen.sensor.effects.HOLDS", {})
-        patch.setattr("solen.bench.simulated.sensors.CLOSE", 0.02)
+        patch.setattr("solen.bench.simulated.sensors.MAX_INTERPOLATION_ERROR", 0.02)
         patch.setattr("solen.bench.simulated.sensors.TOLERANCE", 0.01)
         paint_coarsely(patch)
         closed_form = response()

@@ -21,7 +21,7 @@ from solen.analysis.calibration import Decoding
 from solen.analysis.calibration import file as saved
 from solen.analysis.calibration.stream_decoder import COLUMNS
 from solen.bench.clock import SimulatedClock, WallClock
-from solen.bench.follow import Following
+from solen.bench.follow import JournalFollower
 from solen.bench.journal import Journal
 from solen.bench.outlets import Paced
 from solen.bench.record import record
@@ -30,7 +30,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
 from solen.recording import read_parts
 from tests.analysis.simulated_support import Protocol, Truth, simulated
-from tests.bench.lsl_support import kept_streams
+from tests.bench.lsl_support import recorded_streams
 from tests.bench.rig_support import PROTOCOL
 from tests.bench.wire_support import Served
 from tests.command_support import answered
@@ -501,7 +501,7 @@ def test_follows_the_journal_of_a_run(run_folder: Path, tmp_path: Path, capfd: p
 
 
 def test_journal_contains_the_readings_of_the_recording(run_folder: Path) -> None:
-    readings = next(iter(Following(run_folder / "kept.journal").readings("A")))
+    readings = next(iter(JournalFollower(run_folder / "kept.journal").readings("A")))
     ((_, recording),) = list(read_parts(run_folder / "protocol.nc"))
     assert readings.volts[:, 0] == pytest.approx(recording.channel("left").values, abs=1e-12)
     assert readings.volts[:, 1] == pytest.approx(recording.channel("right").values, abs=1e-12)
@@ -547,7 +547,7 @@ def test_sends_rows_over_a_serial_line(folder: Path) -> None:
     received = bytearray()
 
     class Listener:
-        def answer(self, data: bytes) -> bytes:
+        def reply(self, data: bytes) -> bytes:
             received.extend(data)
             return b""
 
@@ -561,7 +561,7 @@ def test_sends_rows_over_a_serial_line(folder: Path) -> None:
 
 
 def test_sends_angles_and_bands_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = kept_streams(monkeypatch)
+    calls = recorded_streams(monkeypatch)
     written = io.StringIO()
     decoded_lines(folder, text=io.StringIO(LIVE), rows=written, send="lsl:finger")
     assert calls[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")

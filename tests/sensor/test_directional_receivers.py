@@ -111,7 +111,7 @@ def test_readings_and_bench_agree_for_a_network(folder: Path) -> None:
     signals = network_signals([moved], response.power, response.u_power)
     assert 0.0 < signals.received[0, 0, 0] < 0.1 * response.power[0, 0, 0]
     for index, emitter in enumerate((1, 0)):  # the board lights b first
-        (light,) = rig.shares(np.array([[*state.values()]]), np.array([emitter]))
+        (light,) = rig.received(np.array([[*state.values()]]), np.array([emitter]))
         detected = volts(light, rig.circuit, moved.readout.ambient_mw_cm2, moved.readout.temperature_c)[::-1]
         assert (signals.off_V - detected)[0] > 0.01
         assert detected == pytest.approx(signals.voltage_V[0, index], rel=5e-4)

@@ -1,4 +1,4 @@
-"""Axes of a run: the stage that makes each motion, its recorded positions, and whether it has arrived.
+"""Axes of a run: the stage of each motion, its recorded positions, and whether it has arrived.
 
 Public names: `Axis` and `stream_of`.
 """
@@ -15,18 +15,18 @@ from solen.bench.roles import Stage
 from solen.errors import BenchError
 
 SETTLE_S = 0.5
-"""Time in s, counted from the shortest possible duration of a move, after which a stage is asked whether it has arrived
-even if it is still moving.
+"""Time in s after the shortest possible duration of a move; from then on the stage is asked whether it has arrived even
+if its position still changes.
 """
-OVERSHOOT = 1e-3
-"""Fraction of the travel by which a stage may overshoot at the end of its travel."""
-RESTING = 0.01
-"""Fraction of its velocity below which a stage counts as at rest."""
+MAX_OVERSHOOT = 1e-3
+"""Largest overshoot at either end of the travel, as a fraction of the travel."""
+AT_REST_FRACTION = 0.01
+"""Fraction of the commanded velocity below which a stage is considered at rest."""
 STREAM = "stage"
 
 
 def stream_of(motion: str) -> str:
-    """Return the name of a stage's position stream in a journal; ``motion`` is empty for a run's only stage."""
+    """Return the name of a stage's position stream in a journal; ``motion`` is empty for the only stage of a run."""
     return f"{STREAM} {motion}" if motion else STREAM
 
 
@@ -49,54 +49,53 @@ class Axis:
     clock: Clock
     part: int
     travel: tuple[float, float] | None = None
-    _looks: list[tuple[int, float, float, float]] = field(default_factory=list)
+    _queries: list[tuple[int, float, float, float]] = field(default_factory=list)
     _last_two: list[tuple[float, float]] = field(default_factory=list)
 
     @property
     def name(self) -> str:
-        """Name of the stage in messages about a stage that does not stop."""
+        """Name of the axis in messages about a stage that does not stop."""
         return f"stage of {self.motion}" if self.motion else "stage"
 
-    def look(self) -> float:
-        """Ask the stage for its position; the question and the answer are timestamped."""
+    def query(self) -> float:
+        """Query the position of the stage; query and reply are timestamped."""
         sent_s = self.clock.now_s()
         position = self.stage.position()
         at_s = self.clock.now_s()
-        self._looks.append((self.part, sent_s, at_s, position))
+        self._queries.append((self.part, sent_s, at_s, position))
         self._last_two = [*self._last_two[-1:], (at_s, position)]
         return position
 
     def write(self, journal: Journal) -> None:
         """Record the positions received since the last call."""
-        looks, self._looks = self._looks, []
+        queries, self._queries = self._queries, []
         stream = stream_of(self.motion)
-        journal.rows(stream, np.array(looks, journal.dtype(stream)))
+        journal.rows(stream, np.array(queries, journal.dtype(stream)))
 
     def check_travel(self, step: Step, start: float, target: float) -> None:
-        """Raise an error if a part of the planned path is outside the rig's travel."""
+        """Raise `BenchError` if a move would begin or end outside the travel of the rig."""
         if self.travel is None:
             return
         low, high = self.travel
-        slack = OVERSHOOT * (high - low)
-        for what, position in (("stands at", start), ("is sent to", target)):
+        slack = MAX_OVERSHOOT * (high - low)
+        for what, position in (("position", start), ("target", target)):
             if position < low - slack or position > high + slack:
-                limit = f"{what} position {position:g} {step.unit}, and the rig's travel is {low:g} to {high:g}"
-                raise BenchError(
-                    self.stage.name, limit=limit, remedy="move it back by hand, or widen the travel in the rig file"
-                )
+                limit = f"is outside the travel of the rig, {low:g} to {high:g} {step.unit}"
+                remedy = "move the stage back by hand, or widen travel in the rig file"
+                raise BenchError(f"{self.stage.name}: {what}", value=position, limit=limit, remedy=remedy)
 
     def arrived(self, step: Step, arrives_s: float) -> bool:
         """Whether the stage has arrived.
 
-        The stage is asked once the shortest possible duration has passed and it seems to be at rest, or `SETTLE_S`
-        later.
+        The stage is asked as soon as the shortest possible duration has passed and the last two positions show that it
+        is at rest, but not later than `SETTLE_S` after that duration.
         """
         now_s = self.clock.now_s()
         if now_s < arrives_s:
             return False
         if now_s < arrives_s + SETTLE_S and len(self._last_two) == 2:
             (before_s, before), (at_s, at) = self._last_two
-            if abs(at - before) > RESTING * step.velocity * (at_s - before_s):
+            if abs(at - before) > AT_REST_FRACTION * step.velocity * (at_s - before_s):
                 return False
         return self.stage.on_target()
 
@@ -107,9 +106,9 @@ def axes_of(
     part: int,
     travel: Mapping[str, tuple[float, float] | None] | tuple[float, float] | None,
 ) -> dict[str, Axis]:
-    """Return the axes of a run by motion; ``travel`` is specified for each motion, or once for all stages."""
-    named = stages if isinstance(stages, Mapping) else {"": stages}
+    """Return the axes of a run, keyed by motion; ``travel`` is keyed by motion too, or applies to all stages."""
+    by_motion = stages if isinstance(stages, Mapping) else {"": stages}
     return {
         motion: Axis(motion, stage, clock, part, travel.get(motion) if isinstance(travel, Mapping) else travel)
-        for motion, stage in named.items()
+        for motion, stage in by_motion.items()
     }

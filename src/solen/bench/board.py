@@ -1,26 +1,31 @@
-"""The emitter board over a serial line: commands out, frames in.
+"""The emitter board on a serial line: commands to the board, frames from it.
 
 The host sets the number of emitters and inputs and the period, and starts and stops the board. Each command is a frame
-(`solen.bench.frames`), answered by a frame with the command's kind, a status and a text. Between answers, periods
-arrive unsolicited. If the line is closed, or the host is silent for a second, the board switches its emitters off. A
-board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
+(`solen.bench.frames`), and the reply is a frame that contains the kind of the command, a status and a text. Frames of
+samples arrive unsolicited between replies. If the line is closed, or the host is silent for a second, the board
+switches its emitters off. A board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
 
-====== ========= ============================================================== kind   name      payload ======
-========= ============================================================== 16     identify  none; answered by the board's
-name in UTF-8 17     configure period in µs (4 bytes), emitters, inputs (1 byte each) 18     start     none 19     stop
-none; emitters off 20     alive     none; resets the watchdog, not answered 21     time      none; answered by the
-board's clock in µs (4 bytes, wraps), which also stamps periods 22     move      steps (4 bytes, signed), steps per 1000
-s, steps/s² (4 bytes each) 23     halt      none; the motor slows down and stops 24     where     none; answered by the
-board's clock in µs, steps (4 bytes each), and whether it moves (1 byte) 25     place     the value to assign to the
-current position, in steps (4 bytes, signed) 2      answer    kind of the command, status (0 done, else an error), text
-====== ========= ==============================================================
+Kinds of frames, with their payloads:
+
+- 2, reply: kind of the command (1 byte), status (1 byte; 0 for success, else an error), text
+- 16, identify: none; the text of the reply is the board's name in UTF-8
+- 17, configure: period in µs (4 bytes), number of emitters and of inputs (1 byte each)
+- 18, start: none
+- 19, stop: none; the emitters are switched off
+- 20, alive: none; resets the watchdog and has no reply
+- 21, time: none; the reply contains the board clock in µs (4 bytes, wraps), which also stamps periods
+- 22, move: target in steps (4 bytes, signed), velocity in steps per 1000 s, acceleration in steps/s² (4 bytes each)
+- 23, halt: none; the motor decelerates and stops
+- 24, where: none; the reply contains the board clock in µs, the position in steps (4 bytes each), and whether the motor
+  moves (1 byte)
+- 25, place: the value to assign to the current position, in steps (4 bytes, signed)
 
 Public names: `SerialBoard` and `BoardStage`.
 """
 
 import math
 import struct
-from typing import Literal, cast
+from typing import Literal
 
 from solen.bench.clock import Clock
 from solen.bench.firmware.solen_board import ALIVE, CONFIGURE, HALT, IDENTIFY, MOVE, PLACE, START, STOP, TIME, WHERE
@@ -32,14 +37,14 @@ CONFIGURATION = struct.Struct("<IBB")
 _TIME, _MOVE, _WHERE, _PLACE = struct.Struct("<I"), struct.Struct("<iII"), struct.Struct("<IiB"), struct.Struct("<i")
 STATUSES = {
     1: "unknown command",
-    2: "cannot be done with these settings",
+    2: "impossible with these settings",
     3: "not configured",
     4: "an emitter is faulty",
-    5: "has no motor",
+    5: "the board has no motor",
 }
-ALIVE_EVERY_S = 0.25
-WAKES_S = 3.0
-"""Time in s for which an Arduino may fail to answer after its port has been opened."""
+ALIVE_INTERVAL_S = 0.25
+MAX_BOOT_S = 3.0
+"""Longest time in s for which an Arduino does not reply after its port has been opened."""
 _NAMES = {
     IDENTIFY: "identify",
     CONFIGURE: "configure",
@@ -60,16 +65,16 @@ class SerialBoard:
     link, clock
         Line to the board, and the clock of time-outs.
     layout, period_s
-        Emitters and inputs used, and their period.
+        Numbers of emitters and inputs, and the period.
     volts_per_count
-        Voltage step of the board's converter.
-    answer_s
-        Longest time to wait for an answer.
+        Voltage step of the board's ADC.
+    timeout_s
+        Longest time to wait for a reply.
 
     Raises
     ------
     BenchError
-        If the board does not answer, or cannot do what is requested.
+        If the board does not reply, or cannot do what is requested.
     """
 
     def __init__(
@@ -80,17 +85,17 @@ class SerialBoard:
         *,
         period_s: float,
         volts_per_count: float,
-        answer_s: float = 1.0,
+        timeout_s: float = 1.0,
     ) -> None:
         self.layout, self.period_s, self.volts_per_count = layout, period_s, volts_per_count
         self.name = f"board at {link.name}"
-        self._link, self._clock, self._answer_s = link, clock, answer_s
+        self._link, self._clock, self._timeout_s = link, clock, timeout_s
         self._reader = FrameReader(layout)
-        self._sent, self._fed_s = 0, 0.0
-        self._waiting: list[Periods] = []
-        self._keeps_time = True
-        self._wake()
-        self._renew()
+        self._sent, self._alive_s = 0, 0.0
+        self._received: list[Periods] = []
+        self._has_clock = True
+        self._stop_previous_run()
+        self._discard_input()
         self.identity = self.command(IDENTIFY).decode("utf-8", "replace")
         period_us = round(1e6 * period_s)
         self.command(CONFIGURE, CONFIGURATION.pack(period_us, layout.emitters, layout.receivers))
@@ -102,33 +107,35 @@ class SerialBoard:
 
     def start(self) -> None:
         """Start switching the emitters and sampling."""
-        self._renew()
+        self._discard_input()
         self.command(START)
-        self._fed_s = self._clock.now_s()
+        self._alive_s = self._clock.now_s()
 
     def read(self) -> Periods:
         """Return the periods that arrived since the last call."""
         now = self._clock.now_s()
-        if now - self._fed_s >= ALIVE_EVERY_S:
+        if now - self._alive_s >= ALIVE_INTERVAL_S:
             self._send(ALIVE)
-            self._fed_s = now
+            self._alive_s = now
         while data := self._link.read(65_536, 0.0):
-            self._waiting.append(self._reader.feed(data))
-        self._reader.answers.clear()
-        parts, self._waiting = self._waiting, []
+            self._received.append(self._reader.feed(data))
+        self._reader.replies.clear()
+        parts, self._received = self._received, []
         return Periods.joined(parts, self.layout)
 
     def time_s(self) -> float | None:
-        """Return the board's own time in s; NaN if the board does not know the command, None if it does not answer.
+        """Return the time of the board clock in s; NaN if the board does not know the command, None without a reply.
 
-        Even an answer without a time bounds the line's delay. A board that does not answer at all is not asked again.
+        Even a reply without a time bounds the delay of the line. A board that does not reply is not queried again.
         """
-        answer = self._answer(TIME) if self._keeps_time else None
-        if answer is None:
-            self._keeps_time = False
+        reply = self._reply(TIME) if self._has_clock else None
+        if reply is None:
+            self._has_clock = False
             return None
-        stated = answer[0] == 0 and len(answer[1]) == _TIME.size
-        return 1e-6 * self._reader.unwrapped_us(_TIME.unpack(answer[1])[0]) if stated else math.nan
+        status, data = reply
+        if status != 0 or len(data) != _TIME.size:
+            return math.nan
+        return 1e-6 * self._reader.unwrapped_us(_TIME.unpack(data)[0])
 
     def stop(self) -> None:
         """Switch the emitters off and stop sampling."""
@@ -141,51 +148,51 @@ class SerialBoard:
         finally:
             self._link.close()
 
-    def _wake(self) -> None:
-        """Stop the board, which may still be running.
+    def _stop_previous_run(self) -> None:
+        """Stop the board, which may still be sampling.
 
-        A board that was reset when its port was opened answers after a while.
+        If opening the port has reset it, it replies only after booting.
         """
-        due = self._clock.now_s() + WAKES_S
-        while self._answer(STOP) is None:
+        due = self._clock.now_s() + MAX_BOOT_S
+        while self._reply(STOP) is None:
             if self._clock.now_s() > due:
                 self.command(STOP)
 
-    def _renew(self) -> None:
-        """Discard the data in transit, and start counting losses."""
+    def _discard_input(self) -> None:
+        """Discard the data in transit, and reset the loss counts."""
         while self._link.read(65_536, 0.0):
             pass
-        self._reader, self._waiting = FrameReader(self.layout), []
+        self._reader, self._received = FrameReader(self.layout), []
 
     def _send(self, kind: int, payload: bytes = b"") -> None:
         self._link.write(frame(kind, self._sent, payload))
         self._sent += 1
 
     def command(self, kind: int, payload: bytes = b"") -> bytes:
-        """Return the answer to a command; raise `BenchError` if the board did not execute it."""
-        answer = self._answer(kind, payload)
-        if answer is None:
-            limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
+        """Return the data of the reply to a command; raise `BenchError` if the board did not execute the command."""
+        reply = self._reply(kind, payload)
+        if reply is None:
+            limit = f"no reply to {_NAMES[kind]} within {self._timeout_s:g} s"
             raise BenchError(self.name, limit=limit, remedy="check the cable, the power and the baud rate")
-        status, words = answer
+        status, data = reply
         if status != 0:
-            meaning = words.decode("utf-8", "replace") or STATUSES.get(status, f"status {status}")
-            raise BenchError(self.name, limit=f"{_NAMES[kind]}: {meaning}", remedy="see the rig file's [board]")
-        return words
+            meaning = data.decode("utf-8", "replace") or STATUSES.get(status, f"status {status}")
+            raise BenchError(self.name, limit=f"{_NAMES[kind]}: {meaning}", remedy="check [board] in the rig file")
+        return data
 
-    def _answer(self, kind: int, payload: bytes = b"") -> tuple[int, bytes] | None:
-        """Return status and text of the answer to a command, or None if there was none.
+    def _reply(self, kind: int, payload: bytes = b"") -> tuple[int, bytes] | None:
+        """Return status and data of the reply to a command, or None after a time-out.
 
-        Periods that arrive first are kept.
+        Periods that arrive before the reply are kept.
         """
         self._send(kind, payload)
-        due = self._clock.now_s() + self._answer_s
-        while (left := due - self._clock.now_s()) > 0.0:
-            self._waiting.append(self._reader.feed(self._link.read(65_536, left)))
-            for answer in self._reader.answers:
-                if len(answer) >= 2 and answer[0] == kind:
-                    self._reader.answers.clear()
-                    return answer[1], answer[2:]
+        due = self._clock.now_s() + self._timeout_s
+        while (remaining_s := due - self._clock.now_s()) > 0.0:
+            self._received.append(self._reader.feed(self._link.read(65_536, remaining_s)))
+            for reply in self._reader.replies:
+                if len(reply) >= 2 and reply[0] == kind:
+                    self._reader.replies.clear()
+                    return reply[1], reply[2:]
         return None
 
 
@@ -218,7 +225,7 @@ class BoardStage:
         self.board, self._clock = board, clock
         self._per_unit, self._acceleration = steps_per_unit, acceleration
         self._target, self._referenced = 0, False
-        self._where()
+        self._state()
 
     @property
     def referenced(self) -> bool:
@@ -228,11 +235,11 @@ class BoardStage:
     @property
     def search(self) -> str:
         """Sentence for the user: the motor has no reference switch."""
-        return "It has no switch that marks its zero."
+        return "It has no reference switch."
 
     def reference(self) -> None:
         """Raise `BenchError`: there is no reference switch."""
-        raise BenchError(self.name, limit="has no switch that marks its zero", remedy='home = "here" in [stage]')
+        raise BenchError(self.name, limit="has no reference switch", remedy='set home = "here" in [stage]')
 
     def set_position(self, position: float) -> None:
         """Define the current position as a given value; nothing moves."""
@@ -241,48 +248,50 @@ class BoardStage:
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
-        to = self._steps("position", target, self._per_unit)
-        speed = self._steps("velocity", velocity, 1e3 * self._per_unit, signed=False)
-        ramp = max(1, self._steps("acceleration", self._acceleration, self._per_unit, signed=False))
-        self.board.command(MOVE, _MOVE.pack(to, speed, ramp))
-        self._target = to
+        target_steps = self._steps("position", target, self._per_unit)
+        milli_steps_per_s = self._steps("velocity", velocity, 1e3 * self._per_unit, signed=False)
+        acceleration = max(1, self._steps("acceleration", self._acceleration, self._per_unit, signed=False))
+        self.board.command(MOVE, _MOVE.pack(target_steps, milli_steps_per_s, acceleration))
+        self._target = target_steps
 
     def position(self) -> float:
         """Return the position in deg or mm, computed from the motor's step count."""
-        return self._where()[1] / self._per_unit
+        return self._state()[0] / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether the motor has come to rest at its target; raise `BenchError` if it has come to rest elsewhere."""
-        _, at, moving = self._where()
-        if not moving and at != self._target:
-            raise BenchError(
-                self.name, limit=f"rests at step {at}, but was sent to step {self._target}", remedy="was it reset?"
-            )
+        """Whether the motor has stopped at its target; raise `BenchError` if it has stopped elsewhere."""
+        position, moving = self._state()
+        if not moving and position != self._target:
+            limit = f"stopped at step {position} instead of step {self._target}"
+            raise BenchError(self.name, limit=limit, remedy="check whether the board was reset")
         return not moving
 
     def stop(self) -> None:
-        """Slow down and stop."""
+        """Decelerate and stop."""
         self.board.command(HALT)
         due = self._clock.now_s() + 2.0
-        while self._where()[2]:
+        while self._state()[1]:
             if self._clock.now_s() > due:
-                raise BenchError(self.name, limit="does not stop", remedy="cut its supply")
+                raise BenchError(self.name, limit="does not stop", remedy="switch its supply off")
             self._clock.sleep(0.01)
 
     def close(self) -> None:
-        """Stop, and close the board's line."""
+        """Stop, and close the line to the board."""
         try:
             self.stop()
         finally:
             self.board.close()
 
     def _steps(self, what: str, value: float, scale: float, *, signed: bool = True) -> int:
-        """Return a number as an integer for the board; raise `BenchError` if the number does not fit in 32 bits."""
+        """Return a quantity as an integer number of steps; raise `BenchError` if it does not fit in 32 bits."""
         low, high = (-(2**31), 2**31 - 1) if signed else (0, 2**32 - 1)
         if not low <= value * scale <= high:
-            limit = f"{what} must be {low / scale:.6g} to {high / scale:.6g} {self.unit}: steps have 32 bits"
-            raise BenchError(self.name, value=value, limit=limit, remedy="check steps_per_unit in [stage]")
+            limit = f"must be {low / scale:.6g} to {high / scale:.6g} {self.unit} to fit in 32 bits as steps"
+            what = f"{self.name}: {what}"
+            raise BenchError(what, value=value, limit=limit, remedy="check steps_per_unit in [stage]")
         return round(value * scale)
 
-    def _where(self) -> tuple[int, int, int]:
-        return cast("tuple[int, int, int]", _WHERE.unpack(self.board.command(WHERE)))
+    def _state(self) -> tuple[int, bool]:
+        """Return the position in steps, and whether the motor moves."""
+        _, position, moving = _WHERE.unpack(self.board.command(WHERE))
+        return int(position), bool(moving)

@@ -1,7 +1,7 @@
-"""The catalogue of a folder of recordings: one row for each completed run, in an SQLite file in the same folder.
+"""The catalogue of a folder of recordings: one row for each recording, in an SQLite file in the same folder.
 
-The recording files are authoritative; the catalogue only indexes them, and each row repeats values from its file. A
-file that has been moved away is listed as missing, and a new file is entered at the next scan of the folder.
+The recordings are authoritative; the catalogue only indexes them, and each row repeats values from its recording. A
+recording that has been moved away is listed as missing, and a new one is entered at the next scan of the folder.
 
 Public names: `Catalogue` and `CatalogueEntry`.
 """
@@ -26,7 +26,7 @@ SUFFIX = ".nc"
 _TABLE = """create table if not exists recordings (
     file text primary key, sha256 text, date text, protocol text, rig text, sensors text, periods integer,
     duration_s real, outcome text, simulated integer, solen text)"""
-_TAKE_IN = """insert or replace into recordings values
+_INSERT = """insert or replace into recordings values
     (:file, :sha256, :date, :protocol, :rig, :sensors, :periods, :duration_s, :outcome, :simulated, :solen)"""
 
 
@@ -34,7 +34,7 @@ _TAKE_IN = """insert or replace into recordings values
 class CatalogueEntry:
     """Catalogue entry of a recording.
 
-    ``sensors`` lists the sensor names, and ``there`` is whether the file still exists.
+    ``sensors`` contains the names of the sensors, and ``there`` states whether the file still exists.
     """
 
     file: str
@@ -59,11 +59,11 @@ class RecordingList(Result):
     folder
         The folder.
     recordings
-        Entries of the catalogue, by date.
+        Entries of the catalogue, in order of date.
     journals
-        Names of journals of runs that are in progress or were not closed.
+        Names of the journals of runs that are in progress or were not closed.
     not_recordings
-        Names of .nc files that are not recordings of a run.
+        Names of the .nc files that are not recordings of a run.
     """
 
     folder: Path
@@ -85,15 +85,15 @@ def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
     folder
         The folder.
     look
-        Whether to search the folder for recordings that were copied there; it is always searched if it has no catalogue
-        yet.
+        Whether to scan the folder for recordings that were copied there; a folder without a catalogue is always
+        scanned.
     """
     if not folder.is_dir():
-        raise SpecError(str(folder), limit="is not a folder", remedy="name the folder of the recordings")
+        raise SpecError(str(folder), limit="is not a folder", remedy="specify the folder of the recordings")
     catalogue = Catalogue(folder)
     journals = tuple(sorted(path.name for path in folder.glob(f"*{JOURNAL}")))
     try:
-        not_recordings = catalogue.look() if look or not (folder / NAME).exists() else ()
+        not_recordings = catalogue.scan() if look or not (folder / NAME).exists() else ()
         return RecordingList(folder, catalogue.entries(), journals, not_recordings)
     except _ReadOnlyError:
         entries, not_recordings = _read(folder)
@@ -108,7 +108,7 @@ def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
             entries.append(entry_of(path))
         except DataError:
             not_recordings.append(path.name)
-    return tuple(sorted(entries, key=lambda one: (one.date, one.file))), tuple(not_recordings)
+    return tuple(sorted(entries, key=lambda entry: (entry.date, entry.file))), tuple(not_recordings)
 
 
 class _ReadOnlyError(OutputError):
@@ -123,34 +123,34 @@ class Catalogue:
 
     def add(self, path: Path) -> CatalogueEntry:
         """Enter a recording, or replace its entry."""
-        row = entry_of(path)
+        entry = entry_of(path)
         with self._open() as table:
-            values = asdict(row) | {"sensors": json.dumps(row.sensors)}
+            values = asdict(entry) | {"sensors": json.dumps(entry.sensors)}
             del values["there"]
-            table.execute(_TAKE_IN, values)
-        return row
+            table.execute(_INSERT, values)
+        return entry
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """Return all recordings by date."""
+        """Return the entries of all recordings, in order of date."""
         if not (self.folder / NAME).exists():
             return ()
         with self._open() as table:
-            found = table.execute("select * from recordings order by date, file")
-            names = [column[0] for column in found.description]
-            return tuple(self._row(dict(zip(names, values, strict=True))) for values in found)
+            rows = table.execute("select * from recordings order by date, file")
+            names = [column[0] for column in rows.description]
+            return tuple(self._entry(dict(zip(names, values, strict=True))) for values in rows)
 
-    def look(self) -> tuple[str, ...]:
+    def scan(self) -> tuple[str, ...]:
         """Enter files that are new or changed; return the names of those that are not recordings."""
-        known, strange = {row.file: row.sha256 for row in self.entries()}, []
+        known, not_recordings = {entry.file: entry.sha256 for entry in self.entries()}, []
         for path in sorted(self.folder.glob(f"*{SUFFIX}")):
             if known.get(path.name) != _sha256(path):
                 try:
                     self.add(path)
                 except DataError:
-                    strange.append(path.name)
-        return tuple(strange)
+                    not_recordings.append(path.name)
+        return tuple(not_recordings)
 
-    def _row(self, values: dict[str, Any]) -> CatalogueEntry:
+    def _entry(self, values: dict[str, Any]) -> CatalogueEntry:
         values["sensors"] = tuple(json.loads(values["sensors"]))
         values["simulated"] = bool(values["simulated"])
         return CatalogueEntry(**values, there=(self.folder / values["file"]).exists())
@@ -163,17 +163,14 @@ class Catalogue:
                 table.execute(_TABLE)
                 yield table
         except sqlite3.DatabaseError as bad:
-            remedy = "remove it; solen bench recordings --look creates a new one"
+            remedy = "remove it; solen bench recordings creates a new one"
             name = getattr(bad, "sqlite_errorname", "")
             error = _ReadOnlyError if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN")) else OutputError
             raise error(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 
 def header_of(path: Path) -> dict[str, Any]:
-    """Return the journal header that is stored in a recording.
-
-    Raises `DataError` if the file is not a recording.
-    """
+    """Return the journal header stored in a recording; raise `DataError` if the file is not a recording."""
     with _reading(path) as file:
         return dict(json.loads(file.attrs["header"]))
 

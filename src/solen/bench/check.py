@@ -1,11 +1,11 @@
 """A check of a rig at rest before a run: wiring, emitters, saturation, noise, ambient light and trimmers.
 
-Every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to a different
-emitter from the one in the rig file, is wired wrongly; an input at a limit of its range is saturated. The voltage drop
-that light causes at a receiver shows how to adjust the receiver's trimmer: in a bent sensor one receiver gets up to
-twice the light that it gets at rest.
+Every emitter is switched on in turn, and every input is read. An input that responds to no emitter, or to an emitter
+other than that in the rig file, is wired wrongly; an input at a limit of its range is saturated. The voltage drop that
+light causes at a receiver shows how to adjust the receiver's trimmer: in a bent sensor one receiver gets up to twice
+the light that it gets at rest.
 
-`check` returns a `RigCheck`; `jog` returns a `Jogged`.
+`check` returns a `RigCheck`; `jog` returns a `StageMove`.
 """
 
 import math
@@ -22,34 +22,36 @@ from solen.analysis.load_cell import LoadCell
 from solen.analysis.noise import noise_of, pooled_noise
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
-from solen.bench.homing import Confirm, knows_zero, make_known
+from solen.bench.homing import Confirm, ensure_zero, has_zero
 from solen.bench.interrupts import ended_by_signals
 from solen.bench.live import InputReadings, LiveReadings, sampler_of, stage_of
-from solen.bench.rig import Rig, SensorOf, load_rig
-from solen.bench.rig_instruments import StageOf
+from solen.bench.rig import Rig, SensorTable, load_rig
+from solen.bench.rig_instruments import StageTable
+from solen.bench.roles import Stage
+from solen.bench.run import MAX_DELAY_S
 from solen.errors import BenchError, SpecError
 from solen.ranks import Caution, do_not_use, note, prefixed, warning
 from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
-ANSWERS_SD, ANSWERS = 6.0, 0.0004
+MIN_RESPONSE_SD, MIN_RESPONSE = 6.0, 0.0004
 """Minimum response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
-SHORTED = 0.005
+SHORT_CIRCUIT = 0.005
 """A level below this fraction of the range indicates a short circuit."""
-BOTTOM = 0.05
+SATURATED = 0.05
 """A receiver is saturated if its level is below this fraction of the level with the emitters off."""
-GROWS = 1.5
+MIN_LIGHT_FACTOR = 1.5
 """Minimum factor by which a receiver's light increases in a bent sensor; the shipped designs have 1.5 to 2.1."""
-DESIRED_SIGNAL, MIN_SIGNAL, MAX_SIGNAL = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
+DESIRED_SIGNAL, MIN_SIGNAL, MAX_SIGNAL = 0.4, 0.12, (1.0 - SATURATED) / MIN_LIGHT_FACTOR
 """Desired, minimum and maximum drop that light should cause at rest, as fractions of the level with the emitters off.
 
 Below the minimum, little of the range is used; above the maximum, the receiver saturates in any motion.
 """
-ROOM = 0.1
-"""Fraction of a signal by which ambient light may vary."""
-PIECE_S = 0.8
+MAX_AMBIENT_VARIATION = 0.1
+"""Largest standard deviation of the ambient light, as a fraction of the signal, without a warning."""
+SEGMENT_S = 0.8
 """Duration in s of the segments from which noise is computed: the hold time of the paper's protocol."""
-LOOK_S = 0.1
+READ_INTERVAL_S = 0.1
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -66,17 +68,17 @@ class InputCheck(Result):
     Attributes
     ----------
     input
-        Input number in the rig.
+        Number of its input in the rig.
     off_V, on_V
-        Level with the receiver's emitter off, and on.
+        Level with its emitter off, and on.
     signal_V
         Drop caused by the emitter.
     noise_V
         Standard deviation of a reading, as in `solen bench analyse`.
     room_V
-        Standard deviation of the level with all emitters off, caused by varying ambient light and by noise.
+        Standard deviation of the level with all emitters off, due to varying ambient light and to noise.
     load_factor
-        Recommended factor for the load resistance that the trimmer sets; null if the load is right, or if there is no
+        Factor by which to change the load resistance with the trimmer; null if the load is right, or if there is no
         signal.
     """
 
@@ -95,11 +97,11 @@ class CellCheck(Result):
     Attributes
     ----------
     input
-        Input number in the rig.
+        Number of its input in the rig.
     level_V, noise_V
         Mean level, and the standard deviation of a reading.
     noise_N
-        Standard deviation of a reading, converted to a force.
+        Standard deviation of a reading, as a force.
     """
 
     input: int
@@ -120,7 +122,7 @@ class RigCheck(Result):
     periods
         Number of recorded periods.
     sensors
-        Right and left receiver of each sensor.
+        Receivers of each sensor, keyed by name.
     answers_V
         Drop that each emitter causes at each input: one row for each emitter.
     simulated
@@ -150,8 +152,8 @@ class RigCheck(Result):
         return in_unit(super().to_dict(), self.unit)
 
 
-def of_noise(value: float, unit: str) -> str:
-    """Format a small value for a reader: in mV, or in the unit of the receivers."""
+def noise_text(value: float, unit: str) -> str:
+    """Format a small value for display: in mV, or in the unit of the receivers."""
     return f"{1e3 * value:.3g} mV" if unit == "V" else f"{value:.3g} {unit}"
 
 
@@ -166,7 +168,7 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
     Raises
     ------
     BenchError, SpecError
-        If the rig file or an instrument is faulty, or no data arrive.
+        If the rig file is invalid, an instrument fails, or no data arrive.
     """
     rig = load_rig(rig_file)
     clock = clock_for(rig)
@@ -174,53 +176,54 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
         live, parts = LiveReadings(sampler, rig), []
         until = clock.now_s() + options.seconds
         while clock.now_s() < until:
-            clock.sleep(LOOK_S)
+            clock.sleep(READ_INTERVAL_S)
             if (levels := live.read()) is not None:
                 parts.append(levels)
         name = sampler.name
     if not parts:
-        raise BenchError(name, limit="has said nothing", remedy="check the cable and the power")
-    return judged(rig, InputReadings.joined(parts))
+        limit = f"has sent no data within {options.seconds:g} s"
+        raise BenchError(name, limit=limit, remedy="check the cable and the power")
+    return rig_check(rig, InputReadings.joined(parts))
 
 
-def judged(rig: Rig, levels: InputReadings) -> RigCheck:
-    """Return the problems that the rig's levels at rest reveal."""
+def rig_check(rig: Rig, levels: InputReadings) -> RigCheck:
+    """Return the result of a check, with the problems that the levels at rest reveal."""
     signal = levels.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
-    answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (levels.high_V - levels.low_V))
+    responds = np.abs(mean) > np.maximum(MIN_RESPONSE_SD * error, MIN_RESPONSE * (levels.high_V - levels.low_V))
     inputs = {
-        sensor.name: {name: _input(rig, sensor, name, levels) for name in sensor.read_on} for sensor in rig.sensor
+        sensor.name: {name: _input(rig, sensor, name, levels) for name in sensor.input_numbers} for sensor in rig.sensor
     }
     faults = [
-        line for sensor in rig.sensor for line in _faults(rig, sensor, inputs[sensor.name], levels, mean, answers)
+        fault for sensor in rig.sensor for fault in _faults(rig, sensor, inputs[sensor.name], levels, mean, responds)
     ]
-    if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
-        wire = "check its wire, its transistor and its supply"
-        faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {wire}"))
+    if dark := [str(number) for number, lit in enumerate(responds.any(axis=1).tolist(), 1) if not lit]:
+        remedy = "check its wire, its transistor and its supply"
+        faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {remedy}"))
     rows = tuple(tuple(row) for row in mean.tolist())
     cell = None if rig.load_cell is None else _cell(rig.load_cell, levels)
     faults += [] if cell is None else _cell_faults(cell, levels)
     return RigCheck(rig.name, rig.unit, len(signal), inputs, rows, rig.simulated, cell, tuple(faults))
 
 
-def _cell(stated: LoadCell, levels: InputReadings) -> CellCheck:
+def _cell(cell: LoadCell, levels: InputReadings) -> CellCheck:
     """Check the load cell; its level is the mean of the readings with the emitters on and off."""
-    place = (stated.input or 1) - 1
-    level = levels.off[:, 0, place] - 0.5 * levels.signal[:, 0, place]
+    index = (cell.input or 1) - 1
+    level = levels.off[:, 0, index] - 0.5 * levels.signal[:, 0, index]
     noise_V = _noise(levels.time_s, level)
-    return CellCheck(place + 1, float(level.mean()), noise_V, abs(stated.sensitivity_N_per_V) * noise_V)
+    return CellCheck(index + 1, float(level.mean()), noise_V, abs(cell.sensitivity_N_per_V) * noise_V)
 
 
 def _cell_faults(cell: CellCheck, levels: InputReadings) -> list[Caution]:
-    near_V = SHORTED * (levels.high_V - levels.low_V)
-    if levels.low_V + near_V < cell.level_V < levels.high_V - near_V:
+    margin_V = SHORT_CIRCUIT * (levels.high_V - levels.low_V)
+    if levels.low_V + margin_V < cell.level_V < levels.high_V - margin_V:
         return []
-    end = "is at a limit of the input's range: check its wire, its amplifier and its zero"
-    return [prefixed(f"load cell (input {cell.input})", do_not_use(end))]
+    fault = do_not_use("is at a limit of the input range; check its wire, its amplifier and its zero")
+    return [prefixed(f"load cell (input {cell.input})", fault)]
 
 
-def _input(rig: Rig, sensor: SensorOf, side: str, levels: InputReadings) -> InputCheck:
-    number = sensor.read_on[side]
+def _input(rig: Rig, sensor: SensorTable, side: str, levels: InputReadings) -> InputCheck:
+    number = sensor.input_numbers[side]
     emitter = _brightest(sensor, number, levels.signal.mean(axis=0))
     on, off = (float(values[:, emitter - 1, number - 1].mean()) for values in (levels.on, levels.off))
     return InputCheck(
@@ -234,95 +237,109 @@ def _input(rig: Rig, sensor: SensorOf, side: str, levels: InputReadings) -> Inpu
     )
 
 
-def _brightest(sensor: SensorOf, number: int, mean: FloatArray) -> int:
+def _brightest(sensor: SensorTable, number: int, mean: FloatArray) -> int:
     """Return the emitter of a sensor to which an input responds most; most sensors have only one."""
-    return max(sensor.lit_by.values(), key=lambda emitter: abs(float(mean[emitter - 1, number - 1])))
+    return max(sensor.emitter_numbers.values(), key=lambda emitter: abs(float(mean[emitter - 1, number - 1])))
 
 
-def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
-    """Return the load factor that brings a receiver to the desired drop.
+def _load_factor(sensor: SensorTable, off_V: float, signal_V: float) -> float | None:
+    """Return the factor for the load that gives a receiver the desired drop; None if its drop is acceptable.
 
-    Without a lens, a receiver's light hardly changes as the sensor moves.
+    Without a lens, the light of a receiver hardly changes as the sensor moves, and a larger drop is acceptable.
     """
-    if signal_V <= ANSWERS * off_V or MIN_SIGNAL <= signal_V / off_V <= (MAX_SIGNAL if sensor.lens else 1.0 - BOTTOM):
+    largest = MAX_SIGNAL if sensor.lens else 1.0 - SATURATED
+    if signal_V <= MIN_RESPONSE * off_V or MIN_SIGNAL <= signal_V / off_V <= largest:
         return None
     return DESIRED_SIGNAL * off_V / signal_V
 
 
 def _noise(time_s: FloatArray, signal: FloatArray) -> float:
-    pieces = max(1, round((time_s[-1] - time_s[0]) / PIECE_S))
-    edges = np.linspace(0, len(time_s), pieces + 1).astype(int).tolist()
+    segments = max(1, round((time_s[-1] - time_s[0]) / SEGMENT_S))
+    edges = np.linspace(0, len(time_s), segments + 1).astype(int).tolist()
     return float(pooled_noise([noise_of(time_s, signal[:, None], pairwise(edges))])[0])
 
 
 def _faults(
     rig: Rig,
-    sensor: SensorOf,
+    sensor: SensorTable,
     inputs: dict[str, InputCheck],
     levels: InputReadings,
     mean: FloatArray,
-    answers: FloatArray,
+    responds: FloatArray,
 ) -> Iterator[Caution]:
-    """Return the problems of a sensor; each starts with the receiver's name and a colon."""
-    short_V, circuit = SHORTED * (levels.high_V - levels.low_V), rig.unit == "V"
-    for side, own in inputs.items():
-        what = f"{sensor.name} {side} (input {own.input})"
-        mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
-        strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
-        if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield prefixed(
-                what, do_not_use("is near 0 V with its emitter on and off: a short circuit, or far too much light")
-            )
-        elif not mine.any():
-            yield prefixed(what, do_not_use("responds to no emitter; check its wire and its receiver"))
-        elif strongest not in sensor.lit_by.values():
-            wires = f"responds to emitter {strongest}, not to {emitter}; check the rig file and the wires"
-            yield prefixed(what, do_not_use(wires))
-        elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
-            yield prefixed(what, do_not_use("rises when its emitter is on: its load and its receiver are swapped"))
+    """Yield the problems of a sensor, each preceded by the name of the receiver and a colon."""
+    for side, receiver in inputs.items():
+        name = f"{sensor.name} {side} (input {receiver.input})"
+        emitter = _brightest(sensor, receiver.input, mean)
+        fault = _wiring_fault(rig, sensor, receiver, levels, mean, responds)
+        if fault is not None:
+            yield prefixed(name, do_not_use(fault))
         else:
-            yield from (prefixed(what, line) for line in _settings(own, levels, emitter - 1, rig))
+            yield from (prefixed(name, line) for line in _settings(receiver, levels, emitter - 1, rig))
 
 
-def _settings(own: InputCheck, levels: InputReadings, emitter: int, rig: Rig) -> Iterator[Caution]:
-    """Return possible improvements to the settings of a working receiver."""
-    clipped = float(levels.clipped[:, emitter, own.input - 1].mean())
+def _wiring_fault(
+    rig: Rig, sensor: SensorTable, receiver: InputCheck, levels: InputReadings, mean: FloatArray, responds: FloatArray
+) -> str | None:
+    """Return the fault in the wiring of a receiver; None if it responds as it should."""
+    drops, measures_volts = mean[:, receiver.input - 1], rig.unit == "V"
+    emitter = _brightest(sensor, receiver.input, mean)
+    responding = responds[:, receiver.input - 1]
+    strongest = int(np.argmax(np.where(responding, np.abs(drops), 0.0))) + 1
+    if measures_volts and max(receiver.on_V, receiver.off_V) < SHORT_CIRCUIT * (levels.high_V - levels.low_V):
+        return "is near 0 V with its emitter on and off: a short circuit, or far too much light"
+    if not responding.any():
+        return "responds to no emitter; check its wire and its receiver"
+    if strongest not in sensor.emitter_numbers.values():
+        return f"responds to emitter {strongest}, not to {emitter}; check the rig file and the wires"
+    if measures_volts and drops[emitter - 1] < 0.0:
+        return "rises when its emitter is on: its load and its receiver are interchanged"
+    return None
+
+
+def _settings(receiver: InputCheck, levels: InputReadings, emitter: int, rig: Rig) -> Iterator[Caution]:
+    """Yield the settings of a working receiver that should be improved."""
+    clipped = float(levels.clipped[:, emitter, receiver.input - 1].mean())
     if clipped > 0.0:
-        upper = levels.high_V - own.off_V < own.on_V - levels.low_V
+        upper = levels.high_V - receiver.off_V < receiver.on_V - levels.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
         yield warning(
-            f"with its emitter {phase} it is at the {end} limit of the range in {100 * clipped:.3g} % of the "
-            "readings; values beyond the limit are cut off"
+            f"is clipped at the {end} limit of the range in {100 * clipped:.3g} % of the readings with its emitter "
+            f"{phase}"
         )
-    ends = None if rig.daq is not None else rig.board.straight_v
-    if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
-        yield warning(f"its levels extend beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
-    if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
+    linear = None if rig.daq is not None else rig.board.linear_v
+    if linear is not None and not linear[0] <= receiver.on_V <= receiver.off_V <= linear[1]:
+        levels_text = f"is at {receiver.on_V:.3g} to {receiver.off_V:.3g} V"
+        yield warning(f"{levels_text}, partly outside {linear[0]:g} to {linear[1]:g} V, the linear range of the ADC")
+    if rig.unit == "V" and receiver.on_V < SATURATED * receiver.off_V:
         yield warning("is saturated with its emitter on; turn its trimmer to a smaller load")
-    elif own.load_factor is not None and own.load_factor < 1.0:
-        bent = f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to a smaller load"
-        yield warning(bent)
-    elif own.load_factor is not None:
-        yield note(f"light pulls it down by less than {100 * MIN_SIGNAL:.0f} %; a larger load uses more of the range")
-    if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
-        varies = f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
-        yield warning(varies)
+    elif receiver.load_factor is not None and receiver.load_factor < 1.0:
+        yield warning(
+            f"would saturate at {MIN_LIGHT_FACTOR:g} times the light, as in a bent sensor; turn its trimmer to a "
+            "smaller load"
+        )
+    elif receiver.load_factor is not None:
+        drop = f"drops by less than {100 * MIN_SIGNAL:.0f} % when its emitter is on"
+        yield note(f"{drop}; a larger load would use more of the range")
+    if receiver.room_V > MAX_AMBIENT_VARIATION * abs(receiver.signal_V) and receiver.room_V > 3.0 * receiver.noise_V:
+        variation = f"varies by {noise_text(receiver.room_V, rig.unit)} with the emitters off"
+        yield warning(f"{variation}; shade it, or switch lamps off")
 
 
 class JogOptions(Options):
-    """Options of a manual move: its target, its velocity and its stage."""
+    """Options of a manual move: target, velocity and stage."""
 
     to: Finite | None = None
     """Target position in deg or mm."""
     by: Finite | None = None
-    """Relative move in deg or mm."""
+    """Distance to move in deg or mm, with its sign."""
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """Velocity in deg/s or mm/s."""
     motion: str | None = None
-    """Motion whose stage is to be moved; required if the rig has several stages."""
+    """Motion whose stage moves; required if the rig has several stages."""
 
 
-class Jogged(Result):
+class StageMove(Result):
     """Result of a manual move of the stage.
 
     Attributes
@@ -330,9 +347,9 @@ class Jogged(Result):
     stage
         Name of the stage.
     begun_deg, stands_deg
-        Position before and after; null if unknown, and for a linear stage.
+        Position before and after the move; null if unknown, and for a linear stage.
     begun_mm, stands_mm
-        Position before and after of a linear stage.
+        The same for a linear stage.
     """
 
     stage: str
@@ -342,54 +359,57 @@ class Jogged(Result):
     stands_mm: float | None = None
 
 
-def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm | None = None) -> Jogged:
-    """Move the stage of a rig; query its position if neither ``to`` nor ``by`` is given.
+def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm | None = None) -> StageMove:
+    """Move the stage of a rig; without ``to`` and ``by``, only query its position.
 
-    An interrupted move is stopped.
+    If the call is interrupted, the stage is stopped.
 
     Raises
     ------
     BenchError, SpecError
-        If the options, the rig file or the stage are faulty, or if the target is outside the rig's travel.
+        If the options or the rig file are invalid, the stage fails, or the target is outside the travel of the rig.
     """
     if options.to is not None and options.by is not None:
-        raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="use one of the two")
+        raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="specify one of the two")
     rig, clock = load_rig(rig_file), WallClock()
     if rig.stages:
-        rig = rig.as_one(_named_stage(rig, options.motion))
+        rig = rig.with_single_stage(_named_stage(rig, options.motion))
     elif options.motion is not None:
-        raise SpecError("--motion", value=options.motion, limit="cannot be used: the rig has only one stage")
+        raise SpecError("--motion", value=options.motion, limit="the rig has only one stage", remedy="omit --motion")
     with ended_by_signals(), stage_of(rig, clock) as stage:
         if options.to is not None or options.by is not None:
-            make_known(stage, rig.stage.home, rig.stage.zero, confirm)
-        begun = stage.position() if knows_zero(stage) else math.nan
+            ensure_zero(stage, rig.stage.home, rig.stage.zero, confirm)
+        begun = stage.position() if has_zero(stage) else math.nan
         target = options.to if options.by is None else begun + options.by
         if target is not None:
-            _check_way(rig, stage.name, target)
-            patience = getattr(stage, "patience_s", 10.0)
-            way = abs(target - begun) if math.isfinite(begun) else 0.0
-            due = clock.now_s() + way / options.velocity + patience
-            stage.begin_move(target, options.velocity)
-            while not stage.on_target():
-                if clock.now_s() > due:
-                    raise BenchError(
-                        stage.name, limit=f"has not arrived at {target:g}", remedy="check that it is free to move"
-                    )
-                clock.sleep(0.02)
-        places = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": begun if target is None else stage.position()}
-        return Jogged(stage.name, **{key: at for key, at in places.items() if math.isfinite(at)})
+            _check_target(rig, stage.name, target)
+            _move(stage, clock, begun, target, options.velocity)
+        end = begun if target is None else stage.position()
+        positions = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": end}
+        return StageMove(stage.name, **{key: value for key, value in positions.items() if math.isfinite(value)})
 
 
-def _named_stage(rig: Rig, motion: str | None) -> StageOf:
+def _move(stage: Stage, clock: Clock, begun: float, target: float, velocity: float) -> None:
+    """Move a stage and wait until it arrives; raise `BenchError` after a time-out."""
+    distance = abs(target - begun) if math.isfinite(begun) else 0.0
+    due = clock.now_s() + distance / velocity + getattr(stage, "patience_s", MAX_DELAY_S)
+    stage.begin_move(target, velocity)
+    while not stage.on_target():
+        if clock.now_s() > due:
+            limit = f"has not arrived at {target:g} {stage.unit}"
+            raise BenchError(stage.name, limit=limit, remedy="check that it is free to move")
+        clock.sleep(0.02)
+
+
+def _named_stage(rig: Rig, motion: str | None) -> StageTable:
     if motion not in rig.stages:
-        limit = f"must be one of {', '.join(rig.stages)}: the rig has a stage for each motion"
-        raise SpecError("--motion", value=motion, limit=limit)
+        raise SpecError("--motion", value=motion, limit=f"must be one of {', '.join(rig.stages)}")
     return rig.stages[motion]
 
 
-def _check_way(rig: Rig, name: str, target: float) -> None:
+def _check_target(rig: Rig, name: str, target: float) -> None:
     if not math.isfinite(target):
-        raise SpecError("--by", limit="its position is unknown", remedy="use --to")
+        raise SpecError("--by", limit="the position of the stage is unknown", remedy="use --to")
     if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
         low, high = rig.stage.travel
         raise BenchError(name, value=target, limit=f"is outside the travel of the rig, {low:g} to {high:g}")

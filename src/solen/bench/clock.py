@@ -1,10 +1,10 @@
 """The time of a run: real time, or a simulated time that passes only while something waits.
 
-No part of the bench asks the system for the time or sleeps directly; each part uses the clock that is passed to it.
-With a `SimulatedClock` a one-minute protocol runs as fast as its values can be computed, and always with the same
-result.
+No part of the bench asks the system for the time or sleeps directly; each uses the clock that is passed to it. With a
+`SimulatedClock` a protocol of a minute runs as fast as its values can be computed, and always with the same result.
 
-A clock that advances in steps hides up to one step: `Clock.resolution_s` is the step, and every recording stores it.
+The readings of a clock that advances in steps are late by up to one step, `Clock.resolution_s`, which every recording
+stores.
 
 Public names: `Clock`, `WallClock` and `SimulatedClock`.
 """
@@ -17,26 +17,26 @@ from solen.errors import BenchError
 
 
 class Clock(Protocol):
-    """Monotonic seconds since an arbitrary beginning, and a function that waits."""
+    """Monotonic seconds since an arbitrary origin, and a function that waits."""
 
     def now_s(self) -> float:
-        """Return the seconds since the clock's beginning."""
+        """Return the seconds since the clock's origin."""
 
     def sleep(self, duration_s: float) -> None:
         """Wait."""
 
     @property
     def resolution_s(self) -> float:
-        """Step of the clock in s: an event stamped t took place between t and t plus this step."""
+        """Step of the clock in s: an event stamped t occurred between t and t plus this step."""
 
 
 class WallClock:
-    """The computer's finest monotonic clock, which counts from the moment it is created.
+    """The computer's finest monotonic clock, which counts from its creation.
 
     Parameters
     ----------
     at_s
-        Initial time of the clock.
+        Initial reading of the clock.
     source
         Function that returns monotonic seconds. `time.perf_counter` is the finest on every system; `time.monotonic`
         advances in steps of 15.6 ms on Windows before Python 3.13.
@@ -45,11 +45,11 @@ class WallClock:
     def __init__(self, at_s: float = 0.0, source: Callable[[], float] = time.perf_counter) -> None:
         self._source = source
         self.resolution_s = step_of(source)
-        self._begun = source() - at_s
+        self._origin = source() - at_s
 
     def now_s(self) -> float:
-        """Return the seconds since the clock's beginning."""
-        return self._source() - self._begun
+        """Return the seconds since the clock's origin."""
+        return self._source() - self._origin
 
     def sleep(self, duration_s: float) -> None:
         """Wait."""
@@ -65,7 +65,7 @@ class SimulatedClock:
         self._at_s = at_s
 
     def now_s(self) -> float:
-        """Return the seconds since the clock's beginning."""
+        """Return the seconds since the clock's origin."""
         return self._at_s
 
     def sleep(self, duration_s: float) -> None:
@@ -76,10 +76,10 @@ class SimulatedClock:
 
 
 def step_of(source: Callable[[], float], steps: int = 5) -> float:
-    """Return the step of a clock in s: the smallest difference between successive readings, from a few changes."""
-    least, before = float("inf"), source()
+    """Return the step of a clock in s: the smallest of the first few changes of its reading."""
+    smallest, before = float("inf"), source()
     while steps:
         now = source()
         if now > before:
-            least, before, steps = min(least, now - before), now, steps - 1
-    return least
+            smallest, before, steps = min(smallest, now - before), now, steps - 1
+    return smallest

@@ -1,11 +1,11 @@
-"""Reading the journal of a run while it grows: sensor readings are available as soon as their period is written.
+"""Reading the journal of a run while it grows: readings are available as soon as their period is written.
 
-Each journal record is either complete or missing, so that reading on from the last complete record neither misses nor
-repeats anything. A period is demodulated together with the preceding period, because the first emitter needs the last
-"off" phase of that period. Times are board times, counted from the first period of the part, because the run clock is
-known only after the end of the run.
+A journal record is either complete or missing; reading on after the last complete record therefore neither misses nor
+repeats anything. A period is demodulated together with the preceding one, whose last off phase the first emitter needs.
+Times are those of the board clock since the first period of the part, because the line to the run's clock is fitted
+only after the end of the run.
 
-Public name: `Following`.
+Public name: `JournalFollower`.
 """
 
 from collections.abc import Iterator
@@ -16,18 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.journal import read_journal, read_on
+from solen.bench.journal import read_from, read_journal
 from solen.bench.journal_content import Rows, dtypes_of
-from solen.bench.readings import Converter, View, sound, subtracted, views_of
+from solen.bench.readings import BoardAdc, View, demodulated, valid, views_of
 from solen.bench.records import END, ROWS
 from solen.errors import DataError
 
 
 @dataclass(frozen=True, eq=False)
-class Fresh:
-    """New readings: times (n,), left and right readings (n, 2), and clipping marks.
+class NewReadings:
+    """New readings: times (n,), left and right readings (n, 2), and which of these are clipped (n, 2).
 
-    For a network, signals and marks are (n, emitters, receivers); a missing reading is NaN.
+    For a network, the latter two are (n, emitters, receivers), and a missing reading is NaN.
     """
 
     time_s: FloatArray
@@ -35,13 +35,13 @@ class Fresh:
     clipped: NDArray[np.bool_]
 
 
-class Following:
+class JournalFollower:
     """A journal that is read while it grows.
 
     Raises
     ------
     DataError
-        If the file is not a journal, or contains a waveform.
+        If the file is not a journal, or contains no periods of a board.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,60 +50,59 @@ class Following:
         self.header = read_journal(path).header
         self._dtypes = dtypes_of(self.header, path)
         if "board" not in self._dtypes:
-            limit = "contains a waveform, whose readings are computed when the run is closed"
-            raise DataError(
-                str(path), limit=limit, remedy="close it with solen bench recover, and decode the recording"
-            )
-        self._number = list(self._dtypes).index("board")
-        self._place = 0
+            limit = "was recorded without a board; only the readings of a board are available during a run"
+            remedy = "close it with solen bench recover, and decode the recording"
+            raise DataError(str(path), limit=limit, remedy=remedy)
+        self._stream = list(self._dtypes).index("board")
+        self._offset = 0
         self._last: Rows | None = None
         self._begun_us: dict[int, int] = {}
 
-    def readings(self, sensor: str) -> Iterator[Fresh]:
-        """Return the sensor readings that are new since the last call, one item for each part of the run."""
+    def readings(self, sensor: str) -> Iterator[NewReadings]:
+        """Yield the readings of a sensor that are new since the last call, one item for each part of the run."""
         view = next(view for view in views_of(self.header) if view.name == sensor)
-        for rows in self._fresh():
-            found = self._under(*self._with_before(rows), view)  # right before left
-            yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
+        for periods in self._new_periods():
+            new = self._demodulated(*self._with_previous(periods), view)  # right before left
+            yield NewReadings(new.time_s, new.volts[:, ::-1], new.clipped[:, ::-1])
 
-    def turns(self, sensor: str) -> Iterator[Fresh]:
-        """Return the new emitter cycles of a network since the last call, one item for each part of the run."""
+    def network_readings(self, sensor: str) -> Iterator[NewReadings]:
+        """Yield the readings of a network that are new since the last call, one item for each part of the run."""
         views = [view for view in views_of(self.header) if view.sensor["name"] == sensor]
-        for rows in self._fresh():
-            both, time_s, new = self._with_before(rows)
-            signal = np.full((len(rows), len(views), len(views[0].inputs)), np.nan)
+        for periods in self._new_periods():
+            rows, time_s, first = self._with_previous(periods)
+            signal = np.full((len(periods), len(views), len(views[0].inputs)), np.nan)
             clipped = np.zeros(signal.shape, bool)
-            for place, view in enumerate(views):
-                found = self._under(both, time_s, new, view)
-                at = np.searchsorted(time_s, found.time_s, "right") - 1 - new
-                signal[at, place], clipped[at, place] = found.volts, found.clipped
-            yield Fresh(time_s[new:], signal, clipped)
+            for emitter, view in enumerate(views):
+                new = self._demodulated(rows, time_s, first, view)
+                period = np.searchsorted(time_s, new.time_s, "right") - 1 - first
+                signal[period, emitter], clipped[period, emitter] = new.volts, new.clipped
+            yield NewReadings(time_s[first:], signal, clipped)
 
-    def _fresh(self) -> list[Rows]:
-        """Return the new periods by part; if the journal no longer exists, its run has ended."""
+    def _new_periods(self) -> list[Rows]:
+        """Return the new periods, split by part; if the journal no longer exists, its run has ended."""
         try:
-            records, self._place = read_on(self._path, self._place)
+            records, self._offset = read_from(self._path, self._offset)
         except OSError:
             records, self.ended = [], True
         self.ended |= any(kind == END for kind, _, _ in records)
-        data = b"".join(payload for kind, stream, payload in records if kind == ROWS and stream == self._number)
-        fresh = np.frombuffer(data, self._dtypes["board"])
-        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
-        return np.split(fresh, edges) if len(fresh) else []
+        data = b"".join(payload for kind, stream, payload in records if kind == ROWS and stream == self._stream)
+        periods = np.frombuffer(data, self._dtypes["board"])
+        edges = np.flatnonzero(np.diff(periods["part"].astype(np.int64))) + 1
+        return np.split(periods, edges) if len(periods) else []
 
-    def _with_before(self, rows: Rows) -> tuple[Rows, FloatArray, int]:
-        """Return the periods with the preceding period, if any, their times, and the number of earlier periods."""
-        part = int(rows["part"][0])
-        before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
-        self._last = rows[-1:]
-        begun = self._begun_us.setdefault(part, int(rows["board_us"][0]))
-        both = np.concatenate([before, rows])
-        return both, 1e-6 * (both["board_us"] - begun).astype(np.float64), len(before)
+    def _with_previous(self, periods: Rows) -> tuple[Rows, FloatArray, int]:
+        """Return the periods after the preceding one, if any; their times; and the index of the first new period."""
+        part = int(periods["part"][0])
+        previous = self._last if self._last is not None and int(self._last["part"][0]) == part else periods[:0]
+        self._last = periods[-1:]
+        begun_us = self._begun_us.setdefault(part, int(periods["board_us"][0]))
+        rows = np.concatenate([previous, periods])
+        return rows, 1e-6 * (rows["board_us"] - begun_us).astype(np.float64), len(previous)
 
-    def _under(self, both: Rows, time_s: FloatArray, new: int, view: View) -> Fresh:
-        """Return the readings under one emitter in the periods from an index on, with the receivers in their order."""
-        inputs, converter = [one - 1 for one in view.inputs.values()], Converter.of(self.header)
-        readings = subtracted(both["counts"], time_s, view.emitter, inputs, converter)
-        kept = readings.of(view.emitter) & (readings.time_s >= time_s[new])
-        kept &= sound(both["flags"], time_s, readings.time_s)
-        return Fresh(readings.time_s[kept], readings.signal[kept], readings.clipped[kept])
+    def _demodulated(self, rows: Rows, time_s: FloatArray, first: int, view: View) -> NewReadings:
+        """Return the readings under one emitter from a period on, with the receivers in the order of the view."""
+        inputs = [number - 1 for number in view.inputs.values()]
+        readings = demodulated(rows["counts"], time_s, view.emitter, inputs, BoardAdc.of(self.header))
+        kept = readings.of(view.emitter) & (readings.time_s >= time_s[first])
+        kept &= valid(rows["flags"], time_s, readings.time_s)
+        return NewReadings(readings.time_s[kept], readings.signal[kept], readings.clipped[kept])

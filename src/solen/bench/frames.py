@@ -1,22 +1,22 @@
 """The wire format of the emitter board: numbered frames with a checksum, read from an unreliable stream.
 
 In each period the board switches its emitters on one after the other and samples every receiver, first with the emitter
-on and then with it off again. One frame contains one period; a lost frame is a lost period, which the frame numbers
-reveal. A frame is valid only if its checksum is correct; after an error the reader searches for the next two bytes that
-begin a frame. All numbers are little-endian. A frame contains, by offset in bytes:
+on and then with it off again. A frame contains one period; a lost frame is a lost period, which the frame numbers
+reveal. A frame is valid only if its checksum is correct; after an error the reader searches for the next frame mark.
+All numbers are little-endian. A frame contains, by offset in bytes:
 
 - 0 (2 bytes): A5 5A, the frame mark
 - 2 (1 byte): version of this format, 1
-- 3 (1 byte): kind: 1 for samples, 2 for an answer, 16 and above for commands
+- 3 (1 byte): kind: 1 for samples, 2 for a reply, 16 and above for commands
 - 4 (2 bytes): length n of the payload
-- 6 (4 bytes): frame number, increased by one for each frame, from 0 again after 2³² − 1
+- 6 (4 bytes): frame number, which increases by one with each frame and wraps after 2³² − 1
 - 10 (n bytes): payload
 - 10 + n (2 bytes): CRC-16/CCITT-FALSE (polynomial 1021h, initial value FFFFh) of bytes 2 to 9 + n
 
-The payload of a sample frame: start of the period by the board clock in µs (4 bytes, wraps), number of emitters E,
-number of receivers R, flags (1 for a late period, 2 for a faulty emitter; a reader adds 4 to the first period after a
-restart, at which the board clock begins again at 0), one zero byte, then for each emitter R samples with the emitter on
-and R with it off, 2 bytes each, in converter counts.
+The payload of a frame of samples: start of the period by the board clock in µs (4 bytes, wraps), number of emitters E,
+number of receivers R, flags (1 for a late period, 2 for a faulty emitter; the reader adds 4 to the first period after a
+restart, which resets the board clock to 0), one zero byte, then for each emitter R samples with the emitter on and R
+with it off, in counts of the ADC (2 bytes each).
 
 Public names: `Layout`, `sample_frames`, `frame`, `FrameReader`, `Periods` and `Losses`.
 """
@@ -34,16 +34,14 @@ from solen.errors import BenchError
 
 SYNC = b"\xa5\x5a"
 VERSION = 1
-SAMPLES, ANSWER = 1, 2
-LATE, FAULT, ANEW = 1, 2, 4
-UNSOUND = LATE | FAULT
-"""Periods with these flags give no readings."""
+SAMPLES, REPLY = 1, 2
+LATE, FAULT, RESTARTED = 1, 2, 4
+INVALID = LATE | FAULT
+"""Periods with one of these flags give no readings."""
 MAX_PAYLOAD_BYTES = 4096
-"""Longest payload in bytes, more than 16 emitters and 64 receivers need; a longer length field is corrupt."""
-Other = tuple[int, bytes]
-"""Kind and payload of a frame, unprocessed."""
-RESTART_AFTER = 3
-"""Number of consecutive frames with repeated numbers that indicates a restart of the board."""
+"""Longest payload in bytes, enough for 16 emitters and 63 receivers; a greater length is corrupt."""
+RESTART_FRAMES = 3
+"""Number of consecutive frames with repeated numbers that indicate a restart of the board."""
 HEAD = struct.Struct("<2sBBHI")
 PERIOD = struct.Struct("<IBBBx")
 _CRC = struct.Struct("<H")
@@ -57,7 +55,7 @@ class Layout:
     Raises
     ------
     BenchError
-        If one of the numbers is 0, or if a frame cannot contain so many samples.
+        If one of the numbers is not 1 to 255, or if a frame cannot contain so many samples.
     """
 
     emitters: int
@@ -72,16 +70,16 @@ class Layout:
                 f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame "
                 f"has at most {MAX_PAYLOAD_BYTES}"
             )
-            raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer")
+            raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer emitters or receivers")
 
     @property
     def values(self) -> int:
-        """Number of samples in a period: "on" and "off", for each receiver and each emitter."""
+        """Number of samples in a period: on and off, for each receiver and each emitter."""
         return 2 * self.emitters * self.receivers
 
     @property
     def payload_bytes(self) -> int:
-        """Payload length of a period."""
+        """Length of the payload of a period in bytes."""
         return PERIOD.size + 2 * self.values
 
 
@@ -92,14 +90,13 @@ class Periods:
     Attributes
     ----------
     number
-        Number of the period counted from the first, (N,), continued when the transmitted number wraps.
+        Number of the period, (N,), unwrapped.
     board_us
-        Start of the period by the board clock in µs, (N,), continued when that clock wraps, but reset when the board
-        restarts.
+        Start of the period by the board clock in µs, (N,), unwrapped, but reset when the board restarts.
     flags
-        `LATE`, `FAULT`, and `ANEW` for the first period after a restart of the board, (N,).
+        `LATE`, `FAULT`, and `RESTARTED` for the first period after a restart of the board, (N,).
     counts
-        Converter counts (N, emitters, 2, receivers); on the third axis, 0 is with the emitter on, 1 with it off again.
+        ADC counts (N, emitters, 2, receivers); on the third axis, 0 is with the emitter on, 1 with it off again.
     """
 
     number: NDArray[np.int64]
@@ -111,12 +108,12 @@ class Periods:
         return len(self.number)
 
     def __getitem__(self, which: Any) -> "Periods":
-        """Return some of the periods."""
+        """Return the periods selected by an index, a slice or a mask."""
         return Periods(self.number[which], self.board_us[which], self.flags[which], self.counts[which])
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
-        """Return the concatenated parts; without parts, an empty result."""
+        """Return the concatenated parts; without parts, no periods."""
         nothing = np.zeros((0, layout.emitters, 2, layout.receivers), np.uint16)
         return Periods(
             np.concatenate([np.zeros(0, np.int64), *(part.number for part in parts)]),
@@ -128,18 +125,18 @@ class Periods:
 
 @dataclass
 class Losses:
-    """Loss counts of a stream.
+    """Counts of lost and discarded data.
 
     Attributes
     ----------
     dropped
         Periods whose numbers never arrived.
     garbled
-        Frame beginnings with a wrong checksum; their periods also count as dropped.
+        Frames with a wrong checksum; their periods are also counted as dropped.
     doubled
-        Periods that arrived twice or late and were discarded.
+        Periods that were discarded because they arrived twice or out of order.
     restarts
-        Number of times that the board restarted and counted from 0; the duration of each interruption is unknown.
+        Restarts of the board, which then counts from 0 again; the duration of each interruption is unknown.
     other
         Complete frames with another layout or version.
     skipped_bytes
@@ -155,20 +152,20 @@ class Losses:
 
 
 def checksum(data: bytes | memoryview) -> int:
-    """Return the CRC-16/CCITT-FALSE; for ``b"123456789"`` it is 29B1h."""
+    """Return the CRC-16/CCITT-FALSE of some bytes; for ``b"123456789"`` it is 29B1h."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
 def frame(kind: int, number: int, payload: bytes) -> bytes:
-    """Return a frame that contains this payload."""
+    """Return a frame with a payload."""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise BenchError("payload", value=len(payload), limit=f"a frame has at most {MAX_PAYLOAD_BYTES} bytes")
+        raise BenchError("length of the payload", value=len(payload), limit=f"is at most {MAX_PAYLOAD_BYTES} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
     return body + _CRC.pack(checksum(memoryview(body)[2:]))
 
 
 def sample_frames(layout: Layout, periods: Periods) -> bytes:
-    """Return the frames of several periods, concatenated as the board sends them."""
+    """Return the frames of some periods, concatenated as the board sends them."""
     heads = zip(periods.number.tolist(), periods.board_us.tolist(), periods.flags.tolist(), strict=True)
     samples = np.ascontiguousarray(periods.counts, "<u2").reshape(len(periods), layout.values)
     counts = layout.emitters, layout.receivers
@@ -180,7 +177,7 @@ def sample_frames(layout: Layout, periods: Periods) -> bytes:
 
 @dataclass
 class FrameReader:
-    """Reads frames from bytes as they arrive, in chunks of any length.
+    """A reader of frames from bytes that arrive in chunks of any length.
 
     Attributes
     ----------
@@ -188,39 +185,33 @@ class FrameReader:
         Layout of the expected periods; frames with another layout are counted as `Losses.other`.
     losses
         Losses since the reader was created.
-    answers
-        Payloads of `ANSWER` frames that have not been fetched yet.
-    every_kind
-        Keep all frames unprocessed in ``others``, with kind and payload; a board reads commands in this way.
+    replies
+        Payloads of the `REPLY` frames that have not been fetched yet.
     """
 
     layout: Layout
-    every_kind: bool = False
     losses: Losses = field(default_factory=Losses, init=False)
-    answers: list[bytes] = field(default_factory=list, init=False)
-    others: list[Other] = field(default_factory=list, init=False)
-    _waiting: bytearray = field(default_factory=bytearray, init=False)
+    replies: list[bytes] = field(default_factory=list, init=False)
+    _buffer: bytearray = field(default_factory=bytearray, init=False)
     _next: int | None = field(default=None, init=False)
     _shift: int = field(default=0, init=False)
-    _again: tuple[int, int] = field(default=(-2, 0), init=False)
+    _repeated: tuple[int, int] = field(default=(-2, 0), init=False)
     _us: int | None = field(default=None, init=False)
 
     def feed(self, data: bytes) -> Periods:
-        """Return the periods completed by these bytes."""
-        self._waiting += data
+        """Return the periods that these bytes complete."""
+        self._buffer += data
         numbers: list[int] = []
         times: list[int] = []
         flags: list[int] = []
         rows: list[bytes] = []
         for kind, wire_number, payload in self._frames():
-            if self.every_kind:
-                self.others.append((kind, payload))
-                continue
-            if kind == ANSWER:
-                self.answers.append(payload)
+            if kind == REPLY:
+                self.replies.append(payload)
                 continue
             us, emitters, receivers, flag = PERIOD.unpack_from(payload) if len(payload) >= PERIOD.size else (0, 0, 0, 0)
-            fits = (emitters, receivers, len(payload)) == (*self._counts, self.layout.payload_bytes)
+            expected = self.layout.emitters, self.layout.receivers, self.layout.payload_bytes
+            fits = (emitters, receivers, len(payload)) == expected
             if kind != SAMPLES or not fits:
                 self.losses.other += 1
                 continue
@@ -231,21 +222,17 @@ class FrameReader:
                 continue
             numbers.append(number)
             times.append(self._time(us))
-            flags.append(flag | ANEW if self.losses.restarts > restarts else flag & ~ANEW)
+            flags.append(flag | RESTARTED if self.losses.restarts > restarts else flag & ~RESTARTED)
             rows.append(payload[PERIOD.size :])
         shape = (len(rows), self.layout.emitters, 2, self.layout.receivers)
         counts = np.frombuffer(b"".join(rows), "<u2").astype(np.uint16).reshape(shape)
         return Periods(np.array(numbers, np.int64), np.array(times, np.int64), np.array(flags, np.uint8), counts)
 
-    @property
-    def _counts(self) -> tuple[int, int]:
-        return self.layout.emitters, self.layout.receivers
-
     def _frames(self) -> Iterator[tuple[int, int, bytes]]:
-        """Return kind, number and payload of each complete frame; all other bytes are counted and discarded."""
-        data, at = bytes(self._waiting), 0
-        while (found := self._begin(data, at)) + HEAD.size + _CRC.size <= len(data):
-            at = found
+        """Yield kind, number and payload of each complete frame; all other bytes are counted and discarded."""
+        data, at = bytes(self._buffer), 0
+        while (begin := self._next_mark(data, at)) + HEAD.size + _CRC.size <= len(data):
+            at = begin
             _, version, kind, length, number = HEAD.unpack_from(data, at)
             end = at + HEAD.size + length + _CRC.size
             if length > MAX_PAYLOAD_BYTES:
@@ -263,18 +250,18 @@ class FrameReader:
                 continue
             yield kind, number, data[end - length - 2 : end - 2]
         else:
-            at = found
-        del self._waiting[:at]
+            at = begin
+        del self._buffer[:at]
 
-    def _begin(self, data: bytes, at: int) -> int:
-        """Return the position of the next frame mark, or the end of the data less a possible half mark."""
+    def _next_mark(self, data: bytes, at: int) -> int:
+        """Return the offset of the next frame mark; without one, that of a half mark at the end, or of the end."""
         if data[at : at + 2] == SYNC:
             return at
-        found = data.find(SYNC, at)
-        if found < 0:
-            found = max(at, len(data) - 1 if data.endswith(SYNC[:1]) else len(data))
-        self.losses.skipped_bytes += found - at
-        return found
+        mark = data.find(SYNC, at)
+        if mark < 0:
+            mark = max(at, len(data) - 1 if data.endswith(SYNC[:1]) else len(data))
+        self.losses.skipped_bytes += mark - at
+        return mark
 
     def _skip(self, at: int) -> int:
         """Skip two bytes that were mistaken for a frame mark."""
@@ -282,7 +269,7 @@ class FrameReader:
         return at + 2
 
     def _unwrapped(self, wire_number: int) -> int | None:
-        """Return the number counted from the first frame, with missing frames; None if it occurred before."""
+        """Return the unwrapped number of a frame, and count the missing frames; None if its number is repeated."""
         if self._next is None:
             self._next = wire_number
         ahead = (wire_number + self._shift - self._next) % _WRAP
@@ -290,30 +277,30 @@ class FrameReader:
             if not self._restarted(wire_number):
                 return None
             ahead = 0
-        self._again = (-2, 0)
+        self._repeated = (-2, 0)
         self.losses.dropped += ahead
         number = self._next + ahead
         self._next = number + 1
         return number
 
     def _restarted(self, wire_number: int) -> bool:
-        """Whether successive frames have repeated numbers, which means that the board has restarted."""
-        before, run = self._again
+        """Whether enough consecutive frames have repeated numbers to indicate a restart of the board."""
+        before, run = self._repeated
         run = run + 1 if wire_number == before + 1 else 1
-        self._again = (wire_number, run)
-        if run < RESTART_AFTER or self._next is None:
+        self._repeated = (wire_number, run)
+        if run < RESTART_FRAMES or self._next is None:
             return False
         self.losses.restarts += 1
         self._shift, self._us = self._next - wire_number, None
         return True
 
     def unwrapped_us(self, us: int) -> int:
-        """Return a board time in µs on the unwrapped time scale of the last period."""
+        """Return a time of the board clock in µs, unwrapped like that of the last period."""
         if self._us is None:
             return us
         return self._us + (us - self._us + _WRAP // 2) % _WRAP - _WRAP // 2
 
     def _time(self, us: int) -> int:
-        """Return the board time, continued when its counter wraps."""
+        """Return the unwrapped time of the board clock in µs."""
         self._us = us if self._us is None else self._us + (us - self._us) % _WRAP
         return self._us

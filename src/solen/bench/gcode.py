@@ -1,4 +1,4 @@
-"""Common base of boards that execute G-code: each axis is named by a letter, and each line is answered with ``ok``.
+"""Common base of boards that execute G-code: an axis is named by a letter, and the reply to a line ends in ``ok``.
 
 Public name: `GcodeStage`.
 """
@@ -13,8 +13,8 @@ from solen.bench.link import Link
 from solen.errors import BenchError
 
 AXES = "XYZ"
-AGAIN_S = 0.05
-_Said = TypeVar("_Said")
+BOOT_POLL_S = 0.05
+_Reply = TypeVar("_Reply")
 
 
 class GcodeStage(LineStage):
@@ -25,21 +25,21 @@ class GcodeStage(LineStage):
     link, clock
         Line to the board, and the clock used for time-outs.
     unit
-        Unit of the axis, for which its steps per unit are configured; G-code writes mm for either unit.
+        Unit for which the steps per unit of the axis are configured; G-code writes mm for either unit.
     axis
         Letter of the axis.
-    answer_s, home_s
-        Time limits in s for an answer and for homing.
+    timeout_s, home_s
+        Time limits in s for a reply and for homing.
 
     Raises
     ------
     BenchError
-        If the board does not answer, or answers unlike its firmware.
+        If the board does not reply, or has another firmware.
     """
 
     firmware: ClassVar[str]
-    wakes_s: ClassVar[float]
-    """Time in s for which a board may stay silent after opening its port has reset it."""
+    boot_s: ClassVar[float]
+    """Longest time in s for which a board stays silent after the opening of its port has reset it."""
 
     def __init__(
         self,
@@ -48,44 +48,44 @@ class GcodeStage(LineStage):
         *,
         unit: Literal["deg", "mm"] = "deg",
         axis: str = "X",
-        answer_s: float = 1.0,
+        timeout_s: float = 1.0,
         home_s: float = 120.0,
     ) -> None:
         if axis not in AXES:
             raise BenchError("axis", value=axis, limit="must be X, Y or Z")
-        super().__init__(f"{self.firmware} axis {axis} at {link.name}", link, clock, answer_s)
+        super().__init__(f"{self.firmware} axis {axis} at {link.name}", link, clock, timeout_s)
         self.unit: Literal["deg", "mm"] = unit
         self._axis, self._home_s = axis, home_s
 
     @abstractmethod
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends the answer to a command; raise `BenchError` if the board rejects the command."""
+        """Whether a line ends the reply to a command; raise `BenchError` if the board rejects the command."""
 
-    def _awake(self, ask: Callable[[], _Said]) -> _Said:
-        """Return the board's answer as soon as it arrives; earlier input is discarded."""
-        due = self._clock.now_s() + self.wakes_s
+    def _first_reply(self, query: Callable[[], _Reply]) -> _Reply:
+        """Repeat a query until the board has booted and replies; earlier input is discarded."""
+        due = self._clock.now_s() + self.boot_s
         while True:
-            self._lines.forget()
+            self._replies.discard()
             try:
-                return ask()
+                return query()
             except BenchError:
                 if self._clock.now_s() > due:
                     raise
-            self._clock.sleep(AGAIN_S)
+            self._clock.sleep(BOOT_POLL_S)
 
     def _command(self, text: str, timeout_s: float = 0.0) -> list[str]:
-        """Send a line and return the lines before the end of the answer; raise `BenchError` if it is rejected."""
+        """Send a line and return the lines before the end of the reply; raise `BenchError` if it is rejected."""
         self._send(f"{text}\n".encode("ascii"))
         lines: list[str] = []
         due = self._clock.now_s() + timeout_s
         while True:
             try:
-                line = self._lines.next().strip()
+                line = self._replies.text().strip()
             except BenchError:
                 if self._clock.now_s() >= due:
                     raise
                 continue
             if self._ends(line, text):
-                self._lines.owed = False
+                self._replies.pending = False
                 return lines
             lines.append(line)

@@ -3,11 +3,11 @@
 A journal is a file that only grows. Each record (`solen.bench.records`) is passed to the operating system in a single
 call, before it is processed further. A killed process leaves at most one unfinished record at the end; damage destroys
 only the records that it affects, and the reader lists the missing records. The header, without which nothing can be
-read, is repeated at intervals. Records of a stream are rows of a table whose columns the header defines; the journal
-itself is independent of boards and stages. Streams that the header lists as ``bulky`` are not kept in memory; they are
-read again, record by record.
+read, is repeated at intervals. The records of a stream are rows of a table whose columns the header defines; the
+journal itself is independent of boards and stages. Streams that the header lists as ``bulky`` are not kept in memory,
+but read again record by record.
 
-Public names: `Journal`, `read_journal` and `read_on`.
+Public names: `Journal`, `read_journal` and `read_from`.
 """
 
 import json
@@ -23,17 +23,29 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from solen.bench.journal_content import JournalContent, Missing, Rows, described, dtypes_of
-from solen.bench.records import END, EVENT, HEADER, MAGIC, MAGIC_1, ROWS, Record, record, scan, unfinished, version_of
+from solen.bench.records import (
+    END,
+    EVENT,
+    HEADER,
+    MAGIC,
+    MAGIC_1,
+    ROWS,
+    Record,
+    record_bytes,
+    scan,
+    unfinished,
+    version_of,
+)
 from solen.errors import BenchError, DataError
 
 SUFFIX = ".journal"
-FIRST_GAP, MAX_GAP_STEPS = 1 << 14, 1 << 20
-"""Bytes after which the header is repeated: the first and the largest interval; the interval doubles each time."""
+MIN_HEADER_INTERVAL, MAX_HEADER_INTERVAL = 1 << 14, 1 << 20
+"""Bytes after which the header is repeated, at first and at most; the interval doubles each time."""
 RESERVE_BYTES = 1 << 16
-"""Bytes kept free on the disk while a journal is written, so that the reason why a run ended can be written even if the
-disk is full.
+"""Bytes reserved on the disk while a journal is written, so that the reason for the end of a run can be written even if
+the disk is full.
 """
-_NEAR = 20
+_MAX_TIME_DISTANCE = 20
 """Number of records on either side of a gap that are searched for a time."""
 
 
@@ -46,29 +58,28 @@ class Journal:
         self._dtypes = dtypes_of(header, path)
         self._streams = {name: stream for stream, name in enumerate(self._dtypes)}
         self._header, self._number = _json(header), number
-        self._since, self._gap = 0, FIRST_GAP
+        self._bytes_since_header, self._header_interval = 0, MIN_HEADER_INTERVAL
         self._reserve = reserve_of(path)
-        with suppress(OSError):  # if the disk is full already, the first record raises the error
+        with suppress(OSError):  # if the disk is already full, the first record raises the error
             self._reserve.write_bytes(os.urandom(RESERVE_BYTES))
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
-        """Create a new journal; raise `BenchError` if the file already exists or cannot be written.
+        """Create a journal; raise `BenchError` if the file already exists or cannot be written.
 
-        ``dtypes`` are structured types, one for each stream.
+        ``dtypes`` are the structured types of the streams, keyed by name.
         """
         try:
             file = FileIO(path, "xb")
         except FileExistsError:
-            raise BenchError(
-                str(path), limit="already exists: a run that was not closed", remedy="use solen bench recover"
-            ) from None
+            limit = "already exists, from a run that was not closed"
+            raise BenchError(str(path), limit=limit, remedy="use solen bench recover") from None
         except OSError as bad:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None
         streams = {name: described(dtype) for name, dtype in dtypes.items()}
         journal = cls(path, file, {**header, "streams": streams})
         try:
-            journal._write(MAGIC + journal._next(HEADER, 0, journal._header))
+            journal._write(MAGIC + journal._next_record(HEADER, 0, journal._header))
         except BenchError:
             file.close()
             path.unlink(missing_ok=True)
@@ -78,20 +89,20 @@ class Journal:
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
         """Continue an unfinished journal after its last complete record; return the journal and its content."""
-        journal_content = read_journal(path)
-        if journal_content.end is not None or journal_content.version == 1:
-            limit = "was ended" if journal_content.version > 1 else "was begun by an older solen"
+        content = read_journal(path)
+        if content.end is not None or content.version == 1:
+            limit = "is of a run that has ended" if content.version > 1 else "was begun by an older version of solen"
             raise BenchError(str(path), limit=limit, remedy="close it with solen bench recover")
-        if journal_content.lost_bytes:
+        if content.lost_bytes:
             with path.open("r+b") as file:
-                file.truncate(journal_content.whole_bytes)
-        number = max((one.number for one in journal_content.records), default=-1) + 1
-        journal = cls(path, FileIO(path, "ab"), journal_content.header, number)
+                file.truncate(content.complete_bytes)
+        number = max((record.number for record in content.records), default=-1) + 1
+        journal = cls(path, FileIO(path, "ab"), content.header, number)
         journal._put(HEADER, 0, journal._header)
-        return journal, journal_content
+        return journal, content
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
-        """Return the columns of a stream."""
+        """Return the structured type of a stream's rows."""
         return self._dtypes[stream]
 
     def rows(self, stream: str, rows: Rows) -> None:
@@ -101,17 +112,17 @@ class Journal:
         data = np.ascontiguousarray(rows, self._dtypes[stream]).tobytes()
         self._put(ROWS, self._streams[stream], data)
 
-    def event(self, t_s: float, what: str, **more: Any) -> None:
+    def event(self, t_s: float, what: str, **entries: Any) -> None:
         """Append an event."""
-        self._put(EVENT, 0, _json({"t_s": t_s, "what": what, **more}))
+        self._put(EVENT, 0, _json({"t_s": t_s, "what": what, **entries}))
 
-    def end(self, **more: Any) -> None:
+    def end(self, **entries: Any) -> None:
         """Append the end record, and flush the journal to the disk."""
-        self._put(END, 0, _json(more))
+        self._put(END, 0, _json(entries))
         self.sync()
 
     def sync(self) -> None:
-        """Flush everything to the disk; after this, not even a power cut loses the data."""
+        """Flush all records to the disk, where not even a power cut loses them."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -128,28 +139,29 @@ class Journal:
     ) -> None:
         self.close()
 
-    def _next(self, kind: int, stream: int, payload: bytes) -> bytes:
+    def _next_record(self, kind: int, stream: int, payload: bytes) -> bytes:
         number, self._number = self._number, self._number + 1
-        return record(kind, stream, number, payload)
+        return record_bytes(kind, stream, number, payload)
 
     def _put(self, kind: int, stream: int, payload: bytes) -> None:
         """Append a record, and repeat the header at intervals."""
-        self._write(self._next(kind, stream, payload))
-        self._since += len(payload)
-        if self._since >= self._gap:
-            self._since, self._gap = 0, min(2 * self._gap, MAX_GAP_STEPS)
-            self._write(self._next(HEADER, 0, self._header))
+        self._write(self._next_record(kind, stream, payload))
+        self._bytes_since_header += len(payload)
+        if self._bytes_since_header >= self._header_interval:
+            self._bytes_since_header = 0
+            self._header_interval = min(2 * self._header_interval, MAX_HEADER_INTERVAL)
+            self._write(self._next_record(HEADER, 0, self._header))
 
     def _write(self, data: bytes) -> None:
         """Append a record completely or not at all."""
         begin: int | None = None
         try:
             begin = self._file.seek(0, os.SEEK_END)
-            left = memoryview(data)
-            while left:
-                left = left[self._file.write(left) :]
+            remaining = memoryview(data)
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError as bad:
-            with suppress(OSError):  # space for the reason of the end
+            with suppress(OSError):  # space for the reason why the run ends
                 self._reserve.unlink(missing_ok=True)
                 if begin is not None:
                     self._file.truncate(begin)
@@ -159,7 +171,7 @@ class Journal:
 
 
 def reserve_of(path: Path) -> Path:
-    """Return the reserve file, which is deleted if the disk is full; a kill leaves it behind."""
+    """Return the path of the file that reserves disk space; a killed process leaves the file behind."""
     return path.with_name(f".{path.name}.reserve")
 
 
@@ -184,28 +196,29 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
     version, intact = _version(file, path)
     records: list[Record] = []
     headers: list[bytes] = []
-    kept: dict[int, dict[str, Any]] = {}
-    for one, payload in scan(file, version, len(MAGIC), size):
-        records.append(one)
-        if one.kind == HEADER and not headers:
+    entries: dict[int, dict[str, Any]] = {}
+    for record, payload in scan(file, version, len(MAGIC), size):
+        records.append(record)
+        if record.kind == HEADER and not headers:
             headers.append(payload)
-        elif one.kind in {EVENT, END}:
-            kept[one.number] = json.loads(payload)
-    whole = max((one.end for one in records), default=len(MAGIC))
-    lost = size - whole if unfinished(file, version, whole, size) else 0
-    damaged = size - lost - len(MAGIC) * intact - sum(one.end - one.begin for one in records)
+        elif record.kind in {EVENT, END}:
+            entries[record.number] = json.loads(payload)
+    complete = max((record.end for record in records), default=len(MAGIC))
+    lost = size - complete if unfinished(file, version, complete, size) else 0
+    damaged = size - lost - len(MAGIC) * intact - sum(record.end - record.begin for record in records)
     if not headers:
-        raise _headless(path, len(records)) if records or damaged else _nothing(path)
+        raise _without_header(path, len(records)) if records or damaged else _empty(path)
     header = json.loads(headers[0])
-    ordered = tuple({one.number: one for one in sorted(records, key=lambda one: one.number)}.values())
+    by_number = {record.number: record for record in records}
+    ordered = tuple(by_number[number] for number in sorted(by_number))
     streams, counts = _streams(file, ordered, header, path)
-    ends = [kept[one.number] for one in ordered if one.kind == END]
+    ends = [entries[record.number] for record in ordered if record.kind == END]
     return JournalContent(
         header=header,
         streams=streams,
-        events=tuple(kept[one.number] for one in ordered if one.kind == EVENT),
+        events=tuple(entries[record.number] for record in ordered if record.kind == EVENT),
         end=ends[-1] if ends else None,
-        whole_bytes=whole,
+        complete_bytes=complete,
         lost_bytes=lost,
         damaged_bytes=damaged,
         missing=tuple(_missing(file, ordered, dtypes_of(header, path))),
@@ -217,18 +230,18 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
 
 
 def _version(file: BinaryIO, path: Path) -> tuple[int, bool]:
-    """Return the version of a journal, and whether its first bytes contain the version.
+    """Return the version of a journal, and whether its first bytes are intact.
 
-    If the first bytes are damaged, the version is taken from the records.
+    If they are not, but a record of version 2 follows, the version is 2.
     """
     file.seek(0)
-    begun = file.read(len(MAGIC))
-    if len(begun) < len(MAGIC) and (MAGIC.startswith(begun) or MAGIC_1.startswith(begun)):
-        raise _nothing(path)
+    magic = file.read(len(MAGIC))
+    if len(magic) < len(MAGIC) and (MAGIC.startswith(magic) or MAGIC_1.startswith(magic)):
+        raise _empty(path)
     size = file.seek(0, os.SEEK_END)
-    version = version_of(begun)
+    version = version_of(magic)
     if version == 0 and (path.suffix != SUFFIX or next(scan(file, 2, 0, size), None) is None):
-        raise DataError(str(path), limit="is not a journal of solen", remedy=f"name a {SUFFIX} file")
+        raise DataError(str(path), limit="is not a journal of solen", remedy=f"specify a {SUFFIX} file")
     return version or 2, version > 0
 
 
@@ -238,56 +251,54 @@ def _streams(
     """Return the rows of each stream that is not bulky, and the number of rows of each stream."""
     streams, counts = {}, {}
     for number, (name, dtype) in enumerate(dtypes_of(header, path).items()):
-        mine = [one for one in records if (one.kind, one.stream) == (ROWS, number)]
-        size = sum(one.length for one in mine)
+        of_stream = [record for record in records if (record.kind, record.stream) == (ROWS, number)]
+        size = sum(record.length for record in of_stream)
         counts[name] = size // dtype.itemsize
         if name not in header.get("bulky", ()):
-            data, at = bytearray(size), 0
-            for one in mine:
-                data[at : at + one.length] = one.payload(file)
-                at += one.length
+            data, offset = bytearray(size), 0
+            for record in of_stream:
+                data[offset : offset + record.length] = record.payload(file)
+                offset += record.length
             streams[name] = np.frombuffer(data, dtype)
     return streams, counts
 
 
 def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.dtype[np.void]]) -> Iterator[Missing]:
-    """Return the record numbers that are missing, and the times of the adjacent records."""
-    kinds = list(dtypes.values())
+    """Yield the ranges of record numbers that are missing, with the nearest times before and after each."""
+    stream_dtypes = list(dtypes.values())
 
-    def time_s(near: Iterable[Record], place: int) -> float | None:
-        for one in near:
-            if one.kind == EVENT:
-                return float(json.loads(one.payload(file))["t_s"])
-            if one.kind == ROWS and "t_s" in (kinds[one.stream].names or ()):
-                return float(np.frombuffer(one.payload(file), kinds[one.stream])["t_s"][place])
+    def time_s(nearest_first: Iterable[Record], row: int) -> float | None:
+        for record in nearest_first:
+            if record.kind == EVENT:
+                return float(json.loads(record.payload(file))["t_s"])
+            if record.kind == ROWS and "t_s" in ((dtype := stream_dtypes[record.stream]).names or ()):
+                return float(np.frombuffer(record.payload(file), dtype)["t_s"][row])
         return None
 
     if records and records[0].number > 0:
-        yield Missing(0, records[0].number - 1, None, time_s(records[:_NEAR], 0))
-    for place, (before, after) in enumerate(pairwise(records), 1):
+        yield Missing(0, records[0].number - 1, None, time_s(records[:_MAX_TIME_DISTANCE], 0))
+    for index, (before, after) in enumerate(pairwise(records), 1):
         if after.number > before.number + 1:
-            left = time_s(reversed(records[max(0, place - _NEAR) : place]), -1)
-            yield Missing(before.number + 1, after.number - 1, left, time_s(records[place : place + _NEAR], 0))
+            earlier = reversed(records[max(0, index - _MAX_TIME_DISTANCE) : index])
+            later = records[index : index + _MAX_TIME_DISTANCE]
+            yield Missing(before.number + 1, after.number - 1, time_s(earlier, -1), time_s(later, 0))
 
 
-def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
-    """Return the complete records from an offset on (0 for the first), and the next offset.
-
-    Each record is returned as its kind, stream and payload.
-    """
+def read_from(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
+    """Return kind, stream and payload of the complete records from an offset on, initially 0, and the next offset."""
     with path.open("rb") as file:
         version, _ = _version(file, path)
         size = file.seek(0, os.SEEK_END)
-        found = list(scan(file, version, max(begin, len(MAGIC)), size))
-    end = found[-1][0].end if found else begin
-    return [(one.kind, one.stream, payload) for one, payload in found], end
+        records = list(scan(file, version, max(begin, len(MAGIC)), size))
+    end = records[-1][0].end if records else begin
+    return [(record.kind, record.stream, payload) for record, payload in records], end
 
 
-def _nothing(path: Path) -> DataError:
+def _empty(path: Path) -> DataError:
     return DataError(str(path), limit="is empty: its run was killed at the beginning", remedy="remove it")
 
 
-def _headless(path: Path, records: int) -> DataError:
+def _without_header(path: Path, records: int) -> DataError:
     limit = f"is damaged: {records} of its records are complete, but the header that describes their content is lost"
     return DataError(str(path), limit=limit, remedy="restore it from a copy")
 

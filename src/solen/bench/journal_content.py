@@ -17,7 +17,7 @@ Rows = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Missing:
-    """Consecutive records missing from a journal: first and last number, and times before and after."""
+    """Consecutive records missing from a journal: their first and last number, and the times before and after them."""
 
     first: int
     last: int
@@ -38,21 +38,21 @@ class JournalContent:
     Attributes
     ----------
     header
-        Entries at the beginning: design, protocol, rig, versions, seeds, clock.
+        Entries of the header: designs, protocol, rig, versions, seed, clock.
     streams
         Rows of each stream that is not bulky, as a structured array.
     events
         Events in order, each with ``t_s`` and ``what``.
     end
-        Entries at the end; None if the run was killed.
-    whole_bytes, lost_bytes
+        Entries of the end record; None if the run was not completed.
+    complete_bytes, lost_bytes
         Offset at which the last complete record ends, and length of the unfinished record after it.
     damaged_bytes
         Bytes that belong neither to a complete record nor to the unfinished record.
     missing
-        Records lost in the damaged bytes, as far as the numbers of the other records show.
+        Lost records, as far as the numbers of the other records show.
     version
-        Version of the file.
+        Version of the file format.
     path
         The journal file.
     records
@@ -65,7 +65,7 @@ class JournalContent:
     streams: dict[str, Rows]
     events: tuple[dict[str, Any], ...]
     end: dict[str, Any] | None
-    whole_bytes: int
+    complete_bytes: int
     lost_bytes: int
     damaged_bytes: int
     missing: tuple[Missing, ...]
@@ -97,20 +97,20 @@ class JournalContent:
 
     @property
     def losses(self) -> dict[str, int]:
-        """Losses of the sampler, summed over all parts that ended without being killed."""
+        """Losses of the sampler, summed over all parts of the run that were not killed."""
         total: Counter[str] = Counter()
         for event in self.events:
             total.update(event.get("losses", {}))
         return dict(total)
 
     @property
-    def sampled(self) -> str:
-        """Stream that contains the sampler data."""
+    def sampler_stream(self) -> str:
+        """Stream that contains the data of the sampler."""
         streams = {"daq": "samples", "meter": "meter"}
         return next((stream for key, stream in streams.items() if key in self.header), "board")
 
     def blocks(self, stream: str) -> Iterator[Rows]:
-        """Read the rows of a stream from the disk, record by record."""
+        """Yield the rows of a stream, read from the disk record by record."""
         dtypes = dtypes_of(self.header, self.path)
         number, dtype = list(dtypes).index(stream), dtypes[stream]
         with self.path.open("rb") as file:
@@ -120,24 +120,22 @@ class JournalContent:
 
 
 def described(dtype: np.dtype[np.void]) -> list[list[Any]]:
-    """Return the columns of a structured type as plain data: name, type and shape."""
+    """Return the columns of a structured type as plain data: the name, type and shape of each."""
     fields = [(name, dtype[name]) for name in dtype.names or ()]
     return [[name, field.base.newbyteorder("<").str, list(field.shape)] for name, field in fields]
 
 
 def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Return the columns of each stream, by stream number; raise `DataError` if a header does not define them."""
+    """Return the structured types of the streams, keyed by name; raise `DataError` if the header is invalid."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])
             for name, columns in header["streams"].items()
         }
     except (KeyError, TypeError, ValueError):
-        raise DataError(
-            f"{path}: streams", limit="have no description, which a journal of this version must have"
-        ) from None
+        raise DataError(f"{path}: streams", limit="must be defined in the header of the journal") from None
 
 
 def signal_unit(header: Mapping[str, Any]) -> str:
-    """Return the unit of the receiver signals that the journal header specifies."""
+    """Return the unit of the receiver signals, from the header of a journal."""
     return str(header.get("meter", {}).get("unit") or header.get("signal_unit", "V"))

@@ -1,4 +1,4 @@
-"""Common part of stages at the end of a line: a stop that is waited for, and a line that is closed whatever happens.
+"""Common base of stages at the end of a line: stopping, homing and closing with time-outs.
 
 Public name: `LineStage`.
 """
@@ -7,10 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from solen.bench.clock import Clock
-from solen.bench.link import Cut, Lines, Link, line_of
+from solen.bench.link import Link, MessageReader, Split, split_line
 from solen.errors import BenchError
 
-STOPS_S, STOP_LOOK_S, HOME_LOOK_S = 2.0, 0.01, 0.05
+STOP_TIMEOUT_S, STOP_POLL_S, HOMING_POLL_S = 2.0, 0.01, 0.05
 
 
 class LineStage(ABC):
@@ -19,23 +19,23 @@ class LineStage(ABC):
     Parameters
     ----------
     name
-        Name of the stage, with that of its link.
+        Name of the stage, including that of its link.
     link, clock
-        Line to the stage, and the clock that time-outs follow.
-    answer_s
-        Longest duration of an answer.
-    cut
-        Splits off an answer that is not a line.
+        Line to the stage, and the clock used for time-outs.
+    timeout_s
+        Time limit in s for a reply.
+    split
+        Splits the first complete message off the received bytes.
     """
 
-    def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0, cut: Cut = line_of) -> None:
+    def __init__(self, name: str, link: Link, clock: Clock, timeout_s: float = 1.0, split: Split = split_line) -> None:
         self.name = name
         self._link, self._clock = link, clock
-        self._lines = Lines(link, clock, timeout_s=answer_s, cut=cut)
+        self._replies = MessageReader(link, clock, timeout_s=timeout_s, split=split)
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop at once; the remaining motion, and a late answer to an earlier question, are discarded."""
+        """Stop at once; the remaining motion, and a late reply to an earlier query, are discarded."""
 
     def close(self) -> None:
         """Stop and close the line."""
@@ -45,37 +45,38 @@ class LineStage(ABC):
             self._link.close()
 
     def _send(self, data: bytes) -> None:
-        """Send bytes, after discarding late answers to earlier questions."""
-        if self._lines.owed:
-            self._lines.forget()
-        self._lines.owed = True
+        """Send bytes, after discarding late replies to earlier queries."""
+        if self._replies.pending:
+            self._replies.discard()
+        self._replies.pending = True
         self._link.write(data)
 
-    def _cut_in(self, stop: bytes) -> None:
-        """After an interrupted query, as by Ctrl-C: send a stop first, then discard pending input."""
-        if self._lines.owed:
+    def _stop_pending_query(self, stop: bytes) -> None:
+        """After an interrupted query, as by Ctrl-C, send a stop and discard all input until the line is silent."""
+        if self._replies.pending:
             self._link.write(stop)
-            self._lines.settle()
+            self._replies.discard_until_silent()
 
-    def _came_true(self, done: Callable[[], bool], within_s: float, every_s: float) -> bool:
+    def _wait(self, done: Callable[[], bool], timeout_s: float, poll_s: float) -> bool:
         """Poll until a condition is true; return False after a time-out."""
-        due = self._clock.now_s() + within_s
+        due = self._clock.now_s() + timeout_s
         while not done():
             if self._clock.now_s() > due:
                 return False
-            self._clock.sleep(every_s)
+            self._clock.sleep(poll_s)
         return True
 
-    def _come_to_rest(self, resting: Callable[[], bool]) -> None:
-        """Wait for rest after a stop; raise `BenchError` if the stage keeps moving."""
-        if not self._came_true(resting, STOPS_S, STOP_LOOK_S):
-            raise self._refusal("does not stop", "cut its supply")
+    def _wait_for_rest(self, at_rest: Callable[[], bool]) -> None:
+        """Wait until the stage is at rest after a stop; raise `BenchError` if it keeps moving."""
+        if not self._wait(at_rest, STOP_TIMEOUT_S, STOP_POLL_S):
+            raise self._bench_error("does not stop", "switch its supply off")
 
-    def _come_home(self, there: Callable[[], bool], within_s: float) -> None:
-        """Wait for the end of homing; after a time-out, stop it and raise `BenchError`."""
-        if not self._came_true(there, within_s, HOME_LOOK_S):
+    def _wait_for_homing(self, homed: Callable[[], bool], timeout_s: float) -> None:
+        """Wait for the end of homing; after a time-out, stop the stage and raise `BenchError`."""
+        if not self._wait(homed, timeout_s, HOMING_POLL_S):
             self.stop()
-            raise self._refusal(f"no reference found within {within_s:g} s", "check that the stage is free to move")
+            limit = f"has found no reference within {timeout_s:g} s"
+            raise self._bench_error(limit, "check that the stage is free to move")
 
-    def _refusal(self, limit: str, remedy: str) -> BenchError:
+    def _bench_error(self, limit: str, remedy: str) -> BenchError:
         return BenchError(self.name, limit=limit, remedy=remedy)

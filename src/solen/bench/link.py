@@ -1,9 +1,9 @@
-"""A line to an instrument: bytes out, bytes in, and a limit on the waiting time.
+"""A line to an instrument: bytes out, bytes in, with time-outs.
 
-A driver knows the commands, a link transports them. Drivers are given a link; the same driver therefore speaks to a
-serial port, to a controller that is simulated behind a socket, and to a scripted conversation.
+A driver defines the commands, and a link transports them. The same driver therefore works with a serial port, with a
+simulated controller behind a socket, and with a scripted dialogue.
 
-Public names: `Link`, `open_link` and `Lines`.
+Public names: `Link`, `open_link` and `MessageReader`.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class Link(Protocol):
 
 
 class SerialLink:
-    """A line opened with pyserial: a serial port, or a socket."""
+    """A serial port or a socket, opened with pyserial."""
 
     def __init__(self, port: Any, name: str) -> None:
         self.name = name
@@ -38,18 +38,18 @@ class SerialLink:
 
     def write(self, data: bytes) -> None:
         """Send bytes; raise `BenchError` if the line is disconnected."""
-        self._tried(self._port.write, data)
+        self._translated(self._port.write, data)
 
     def read(self, most: int, timeout_s: float) -> bytes:
         """Return up to ``most`` received bytes; wait for the first, and return none after the time-out."""
-        return bytes(self._tried(self._read, most, timeout_s))
+        return bytes(self._translated(self._read, most, timeout_s))
 
     def close(self) -> None:
         """Close the line."""
         socket = getattr(self._port, "_socket", None)
         self._port.close()
         if socket is not None:
-            socket.close()  # pyserial leaves it open if the other side is disconnected
+            socket.close()  # pyserial leaves it open if the peer has disconnected
 
     def _read(self, most: int, timeout_s: float) -> bytes:
         self._port.timeout = timeout_s
@@ -59,19 +59,19 @@ class SerialLink:
         self._port.timeout = 0.0
         return first + bytes(self._port.read(most - 1))
 
-    def _tried(self, call: Any, *given: Any) -> Any:
+    def _translated(self, call: Any, *arguments: Any) -> Any:
+        """Call a function, and convert its errors to `BenchError`."""
         import serial
 
         try:
-            return call(*given)
+            return call(*arguments)
         except (serial.SerialException, OSError) as bad:
-            raise BenchError(
-                self.name, limit=f"the line is disconnected: {bad}", remedy="check the cable and the power"
-            ) from None
+            limit = f"the line is disconnected: {bad}"
+            raise BenchError(self.name, limit=limit, remedy="check the cable and the power") from None
 
 
 def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
-    """Open a serial port by its name in pyserial.
+    """Open a serial port or a socket by its name in pyserial.
 
     Raises `BenchError` if pyserial is not installed, or there is no such port.
     """
@@ -81,81 +81,75 @@ def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
     try:
         port = serial.serial_for_url(name, baudrate=baud, timeout=1.0, write_timeout=2.0)
     except (serial.SerialException, OSError, ValueError) as bad:
-        raise BenchError(name, limit=f"cannot be opened: {bad}", remedy=_ports()) from None
+        raise BenchError(name, limit=f"cannot be opened: {bad}", remedy=_known_ports()) from None
     return SerialLink(port, name)
 
 
-def _ports() -> str:
+def _known_ports() -> str:
     from serial.tools import list_ports
 
     ports = ", ".join(port.device for port in list_ports.comports())
-    return f"there are {ports}" if ports else "there is no serial port"
+    return f"use one of {ports}" if ports else "connect the instrument: no serial port was found"
 
 
-Cut = Callable[[bytes], tuple[bytes, bytes] | None]
-"""Splits off the first complete message of the bytes; returns it and the remaining bytes, or None if none is
-complete.
-"""
+Split = Callable[[bytes], tuple[bytes, bytes] | None]
+"""Splits the first complete message off some bytes: returns it and the remaining bytes, or None if none is complete."""
 
 
-def line_of(data: bytes) -> tuple[bytes, bytes] | None:
-    """Return the first line without its end, and the remaining bytes."""
+def split_line(data: bytes) -> tuple[bytes, bytes] | None:
+    """Return the first line without its end, and the remaining bytes; None if no line is complete."""
     line, end, rest = data.partition(b"\n")
     return (line, rest) if end else None
 
 
-class Lines:
-    """Lines from a link, without their ends; further bytes are kept for the next call. `cut` splits other messages."""
+class MessageReader:
+    """A reader of the messages from a link: lines by default, without their ends, or what `split` splits off."""
 
-    def __init__(self, link: Link, clock: Clock, *, timeout_s: float = 1.0, cut: Cut = line_of) -> None:
+    def __init__(self, link: Link, clock: Clock, *, timeout_s: float = 1.0, split: Split = split_line) -> None:
         self._link = link
         self._clock = clock
         self._timeout_s = timeout_s
-        self._cut = cut
-        self._waiting = b""
-        self.owed = False
-        """Whether the answer to an earlier command was not read and may still arrive, where it could be mistaken for
-        the answer to another one.
-        """
+        self._split = split
+        self._buffer = b""
+        self.pending = False
+        """Whether the reply to an earlier query has not been read; it may still arrive and be mistaken for another."""
 
-    def next(self) -> str:
-        """Return one line; raise `BenchError` if none arrived in time, or it is not text."""
-        line = self.next_bytes()
+    def text(self) -> str:
+        """Return the next message as text; raise `BenchError` after a time-out, or if it is not ASCII text."""
+        message = self.message()
         try:
-            return line.decode("ascii")
+            return message.decode("ascii")
         except UnicodeDecodeError:
-            limit = f"answered {line[:40]!r}, which is not text"
+            limit = f"replied {message[:40]!r}, which is not text"
             raise BenchError(self._link.name, limit=limit, remedy="check the baud rate") from None
 
-    def next_bytes(self) -> bytes:
-        """Return one line as bytes; raise `BenchError` if none arrived in time."""
+    def message(self) -> bytes:
+        """Return the next message; raise `BenchError` after a time-out."""
         due = self._clock.now_s() + self._timeout_s
-        while (found := self._cut(self._waiting)) is None:
-            left = due - self._clock.now_s()
-            if left <= 0.0:
-                came = f"only {self._waiting!r} came" if self._waiting else "nothing came"
-                limit = f"no answer within {self._timeout_s:g} s ({came})"
+        while (parts := self._split(self._buffer)) is None:
+            remaining_s = due - self._clock.now_s()
+            if remaining_s <= 0.0:
+                received = f"only {self._buffer!r}" if self._buffer else "nothing"
+                limit = f"no reply within {self._timeout_s:g} s ({received} was received)"
                 raise BenchError(self._link.name, limit=limit, remedy="check the cable, the power and the baud rate")
-            self._waiting += self._link.read(4096, left)
-        line, self._waiting = found
-        return line
+            self._buffer += self._link.read(4096, remaining_s)
+        message, self._buffer = parts
+        return message
 
-    def there(self) -> str | None:
-        """Return a line that has arrived already; None if none is complete."""
-        self._waiting += self._link.read(4096, 0.0)
-        return None if self._cut(self._waiting) is None else self.next().strip()
+    def available_text(self) -> str | None:
+        """Return the next message as text, without white space at its ends, if it has arrived; otherwise None."""
+        self._buffer += self._link.read(4096, 0.0)
+        return None if self._split(self._buffer) is None else self.text().strip()
 
-    def forget(self) -> bytes:
-        """Discard input that was not requested, and return it."""
-        dropped = self._waiting
-        while came := self._link.read(4096, 0.0):
-            dropped += came
-        self._waiting, self.owed = b"", False
-        return dropped
+    def discard(self) -> None:
+        """Discard all bytes that have arrived."""
+        while self._link.read(4096, 0.0):
+            pass
+        self._buffer, self.pending = b"", False
 
-    def settle(self) -> None:
-        """Discard input that has arrived or still arrives, until the line is silent for the duration of an answer."""
+    def discard_until_silent(self) -> None:
+        """Discard all bytes that arrive until the line is silent for the time limit of a reply."""
         due = self._clock.now_s() + 2.0 * self._timeout_s
         while self._link.read(4096, self._timeout_s) and self._clock.now_s() < due:
             pass
-        self.forget()
+        self.discard()

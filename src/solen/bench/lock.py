@@ -1,7 +1,7 @@
-"""A lock file held by one process at a time, released whenever that process ends.
+"""A lock that one process at a time can hold, and that is released however the process ends.
 
-SQLite locks files on every system, and no system calls are needed: an exclusive transaction on an empty database is the
-lock. A killed process leaves an empty hidden file, which the next one reuses.
+SQLite can lock files on every system: an exclusive transaction on an empty database is the lock. A killed process
+leaves an empty hidden file behind, which the next one reuses.
 
 Public name: `locked`.
 """
@@ -16,21 +16,22 @@ from solen.errors import BenchError
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Lock the resource named by a file; no lock file remains.
+    """Lock a file by a hidden file beside it, which is removed afterwards.
 
     Raises
     ------
     BenchError
-        If another process has the lock. A file system without locks grants it to every process.
+        If another process holds the lock; a file system that does not support locks grants it to every process.
     """
     file = path.with_name(f".{path.name}.lock")
-    with contextlib.ExitStack() as leftover, contextlib.ExitStack() as connection:  # closed first: Windows asks for it
+    # the connection is closed before the file is removed, as Windows requires
+    with contextlib.ExitStack() as removal, contextlib.ExitStack() as connection:
         try:
             table = connection.enter_context(
                 contextlib.closing(sqlite3.connect(file, timeout=0.0, isolation_level=None))
             )
             table.execute("begin exclusive")
-            leftover.callback(_remove, file)
+            removal.callback(_remove, file)
         except sqlite3.Error as bad:
             if getattr(bad, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
                 limit, remedy = "is in use by another run", "wait until it has ended"

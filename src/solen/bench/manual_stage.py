@@ -1,8 +1,8 @@
 """A stage turned by hand from stop to stop: the program prompts, and the operator turns it and presses Enter.
 
-The position is unknown while the stage is turned; readings of that time have no angle and are omitted. At a stop it is
-at the position of the protocol, or at the one read from its scale, which the operator may type before Enter. The
-operator may take any time between stops; the emitters remain driven and sampled.
+The position is unknown while the stage is turned; readings from that time have no angle and are omitted. At a stop the
+stage is at the position in the protocol, or at the position that the operator reads from the scale and types before
+Enter. The emitters remain driven and sampled however long the operator takes.
 
 Public name: `ManualStage`.
 """
@@ -17,15 +17,15 @@ from typing import Literal
 from solen.errors import BenchError
 
 PATIENCE_S = 3600.0
-"""Longest time in s that a person may take for a move."""
+"""Longest time in s that the operator may take for a move."""
 
 
-def _said(line: str) -> None:
+def _show_on_stderr(line: str) -> None:
     sys.stderr.write(line + "\n")
     sys.stderr.flush()
 
 
-def _typed() -> str:
+def _read_stdin() -> str:
     return sys.stdin.readline()
 
 
@@ -36,11 +36,11 @@ class ManualStage:
     ----------
     unit
         Unit of its positions.
-    say
+    show
         Shows a line to the operator; by default on stderr.
-    answer
-        Waits for a line from the operator and returns it with its line end; empty if the input has ended. By default
-        reads stdin.
+    read
+        Waits for a line from the operator and returns it with its line end, or an empty string if the input has ended;
+        by default from stdin.
     """
 
     patience_s = PATIENCE_S
@@ -48,25 +48,25 @@ class ManualStage:
     def __init__(
         self,
         unit: Literal["deg", "mm"] = "deg",
-        say: Callable[[str], object] = _said,
-        answer: Callable[[], str] = _typed,
+        show: Callable[[str], object] = _show_on_stderr,
+        read: Callable[[], str] = _read_stdin,
     ) -> None:
         self.name, self.unit = "stage turned by hand", unit
-        self._say, self._answer = say, answer
-        self._answers: SimpleQueue[tuple[int, str]] = SimpleQueue()
-        self._lock, self._question, self._waiting = threading.Lock(), 0, False
+        self._show, self._read = show, read
+        self._replies: SimpleQueue[tuple[int, str]] = SimpleQueue()
+        self._lock, self._prompt, self._waiting = threading.Lock(), 0, False
         self._target, self._position = math.nan, math.nan
 
     def reference(self) -> None:
         """Do nothing: the operator knows where the zero is."""
 
     def begin_move(self, target: float, velocity: float) -> None:  # noqa: ARG002  the operator chooses the velocity
-        """Prompt for a move; none is needed if the stage is at the target already."""
+        """Prompt for a move, unless the stage is already at the target."""
         if target == self._position:
             return
         self._target, self._position = target, math.nan
-        self._say(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type its actual position).")
-        self._ask()
+        self._show(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type its actual position).")
+        self._wait_for_line()
 
     def position(self) -> float:
         """Return the position; NaN while the stage is moved, and before the first move."""
@@ -77,28 +77,27 @@ class ManualStage:
         if math.isfinite(self._position):
             return True
         try:
-            question, line = self._answers.get_nowait()
+            prompt, line = self._replies.get_nowait()
         except Empty:
             return False
-        if question != self._question:
+        if prompt != self._prompt:
             return False
         if not line:
-            raise BenchError(
-                self.name, limit="is not answered: the input has ended", remedy="start the run in a terminal"
-            )
-        self._take(line.strip())
+            limit = "the operator cannot reply: the input has ended"
+            raise BenchError(self.name, limit=limit, remedy="start the run in a terminal")
+        self._set_position(line.strip())
         return math.isfinite(self._position)
 
     def stop(self) -> None:
-        """End the wait for the operator, and discard what is typed now; nothing moves by itself."""
+        """End the wait for the operator, and discard a reply to the last prompt; nothing moves by itself."""
         with self._lock:
-            self._question += 1
+            self._prompt += 1
 
     def close(self) -> None:
         """Do nothing: no port is open."""
 
-    def _take(self, text: str) -> None:
-        """Return the target for Enter alone, or the typed number; prompt again until it is a number."""
+    def _set_position(self, text: str) -> None:
+        """Set the position to the target after Enter alone, or to the typed number; prompt again if it is no number."""
         try:
             position = float(text.replace(",", ".")) if text else self._target
         except ValueError:
@@ -106,20 +105,20 @@ class ManualStage:
         if math.isfinite(position):
             self._position = position
         else:
-            self._say(f"{text!r} is not a position in {self.unit}; press Enter, or type a number.")
-            self._ask()
+            self._show(f"{text!r} is not a position in {self.unit}; press Enter, or type a number.")
+            self._wait_for_line()
 
-    def _ask(self) -> None:
-        """Wait for a line, unless a wait is already in progress: two prompts need only one answer."""
+    def _wait_for_line(self) -> None:
+        """Start to wait for a line, unless a wait is already in progress."""
         with self._lock:
-            self._question += 1
+            self._prompt += 1
             waiting, self._waiting = self._waiting, True
         if not waiting:
-            threading.Thread(target=self._hear, daemon=True).start()
+            threading.Thread(target=self._queue_line, daemon=True).start()
 
-    def _hear(self) -> None:
-        """Assign a line to the prompt that it answers: the last one when it arrived."""
-        line = self._answer()
+    def _queue_line(self) -> None:
+        """Read a line, and queue it as the reply to the last prompt when it arrived."""
+        line = self._read()
         with self._lock:
             self._waiting = False
-            self._answers.put((self._question, line))
+            self._replies.put((self._prompt, line))

@@ -1,14 +1,16 @@
-"""Sub-pixel position of a square marker in pictures, and its rotation between them.
+"""Sub-pixel position of a square marker in the frames of a video, and its rotation from frame to frame.
 
-OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is then located
-again: along its normals, the area under the grey profile gives the position of the step from white to black,
-independent of blur; a line is fitted through these points, and two lines intersect in a corner.
+OpenCV detects an ArUco or AprilTag marker and locates its corners to a pixel. Each side of its black square is then
+located more precisely: on profiles along the normals of the side, the area under the grey level gives the position of
+the step from white to black, independent of blur; a line is fitted through these points, and two lines intersect in a
+corner.
 
 A marker that turns in a plane keeps its shape in that plane, even if it is seen obliquely: the model has one projection
-from the plane to the picture, common to all pictures, and a rotation and a shift for each picture. Both are fitted to
-all corners, and the corners' misfit gives the uncertainty of an angle. The camera must be fixed and free of distortion.
+from the plane to the image, common to all frames, and a rotation and a shift for each frame. Both are fitted to all
+corners, and the residuals of the corners give the uncertainty of an angle. The camera must be fixed and free of
+distortion.
 
-Public names: `Finder`, `turns` and `Turns`.
+Public names: `MarkerFinder`, `rotation_of` and `Rotation`.
 """
 
 from dataclasses import dataclass
@@ -34,31 +36,31 @@ DICTIONARIES: dict[Dictionary, str] = {
 }
 SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 """Corners of the marker in its plane, y up, in the order in which they are detected."""
-MARGIN, PLACES, STEP_PX = 0.12, 40, 0.5
-"""Fraction of a side omitted at each end, largest number of points along it, and spacing of samples across it."""
-REACH = 0.09
+MARGIN, MAX_PROFILES, STEP_PX = 0.12, 40, 0.5
+"""Fraction of a side omitted at each end, largest number of profiles across it, and spacing of their samples."""
+HALF_PROFILE = 0.09
 """Half-length of the profiles across a side, as a fraction of the side: less than the width of the black and of the
 white border.
 """
 MIN_PX = 24.0
-"""Smallest length of a side in pixels; shorter sides have no border that could be located."""
-ROUNDS, FITTED = 6, 400
-"""Rounds of the fit, and largest number of pictures to which the projection is fitted."""
+"""Smallest length of a side in pixels; the border of a shorter one cannot be located."""
+ITERATIONS, MAX_FITTED_FRAMES = 6, 400
+"""Iterations of the fit, and largest number of frames to which the projection is fitted."""
 
 
-class Finder:
-    """Markers of one dictionary in pictures; raises `DataError` if OpenCV is not installed."""
+class MarkerFinder:
+    """A finder of the markers of one dictionary; raises `DataError` if OpenCV is not installed."""
 
     def __init__(self, dictionary: Dictionary) -> None:
-        need("cv2", what="video", doing="reading pictures", error=DataError)
+        need("cv2", what="video", doing="reading frames", error=DataError)
         import cv2
 
-        found = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARIES[dictionary]))
-        self._detector: Any = cv2.aruco.ArucoDetector(found)
+        predefined = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARIES[dictionary]))
+        self._detector: Any = cv2.aruco.ArucoDetector(predefined)
 
-    def __call__(self, picture: FloatArray) -> list[tuple[int, FloatArray]]:
-        """Return number and corners (4, 2) of each marker in a grey picture, x to the right and y down, in pixels."""
-        corners, numbers, _ = self._detector.detectMarkers(picture.astype(np.uint8))
+    def __call__(self, frame: FloatArray) -> list[tuple[int, FloatArray]]:
+        """Return number and corners (4, 2) of each marker in a grey frame, x to the right and y down, in pixels."""
+        corners, numbers, _ = self._detector.detectMarkers(frame.astype(np.uint8))
         if numbers is None:
             return []
         return [
@@ -67,62 +69,63 @@ class Finder:
         ]
 
 
-def refined(picture: FloatArray, corners: FloatArray) -> FloatArray | None:
-    """Return corners (4, 2) from the lines of the marker's sides; None if a side cannot be located."""
+def refined(frame: FloatArray, corners: FloatArray) -> FloatArray | None:
+    """Return corners (4, 2) at sub-pixel positions, from the lines of the sides; None if a side cannot be located."""
     for _ in range(2):
-        sides = [_line(picture, corners[place], corners[(place + 1) % 4]) for place in range(4)]
-        lines = [side for side in sides if side is not None]
+        sides = [_side_line(frame, corners[side], corners[(side + 1) % 4]) for side in range(4)]
+        lines = [line for line in sides if line is not None]
         if len(lines) < 4:
             return None
-        corners = np.array([_meet(lines[place - 1], lines[place]) for place in range(4)])
+        corners = np.array([_intersection(lines[side - 1], lines[side]) for side in range(4)])
     return corners
 
 
-def _line(picture: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return a point on the line of a side, and its direction."""
+def _side_line(frame: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return a point on the line of a side, and its direction; None if the side cannot be located."""
     along = end - begin
     length = float(np.hypot(*along))
     if length < MIN_PX:
         return None
     along = along / length
-    inward = np.array([-along[1], along[0]])  # corners go clockwise in the picture
-    reach = REACH * length
-    across = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
-    places = np.linspace(MARGIN, 1.0 - MARGIN, min(PLACES, int(length))) * length
-    at = begin + places[:, None, None] * along + across[None, :, None] * inward
-    grey = map_coordinates(picture, [at[..., 1], at[..., 0]], order=1, mode="nearest")
+    inward = np.array([-along[1], along[0]])  # corners go clockwise in the frame
+    half = HALF_PROFILE * length
+    across = np.arange(-half, half + STEP_PX / 2, STEP_PX)
+    position = np.linspace(MARGIN, 1.0 - MARGIN, min(MAX_PROFILES, int(length))) * length
+    pixel = begin + position[:, None, None] * along + across[None, :, None] * inward
+    grey = map_coordinates(frame, [pixel[..., 1], pixel[..., 0]], order=1, mode="nearest")
     ends = max(2, len(across) // 5)
     white, black = np.median(grey[:, :ends]), np.median(grey[:, -ends:])
     if white - black < 1.0:
         return None
     # the area under a step is its height times its width
     step = across[0] - 0.5 * STEP_PX + STEP_PX * ((grey - black) / (white - black)).sum(axis=1)
-    points = begin + places[:, None] * along + step[:, None] * inward
-    kept = np.abs(step - np.median(step)) <= max(0.5, 4.0 * float(np.median(np.abs(step - np.median(step)))))
+    points = begin + position[:, None] * along + step[:, None] * inward
+    deviation = np.abs(step - np.median(step))
+    kept = deviation <= max(0.5, 4.0 * float(np.median(deviation)))
     middle = points[kept].mean(axis=0)
     _, _, axes = np.linalg.svd(points[kept] - middle)
     return middle, axes[0]
 
 
-def _meet(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> FloatArray:
-    shares = np.linalg.solve(np.stack([one[1], -other[1]], axis=1), other[0] - one[0])
-    return np.asarray(one[0] + shares[0] * one[1])
+def _intersection(first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]) -> FloatArray:
+    distances = np.linalg.solve(np.stack([first[1], -second[1]], axis=1), second[0] - first[0])
+    return np.asarray(first[0] + distances[0] * first[1])
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class Rotation:
     """Rotation of a marker.
 
     Attributes
     ----------
     angle_deg
-        Angle in each picture, relative to the first, counter-clockwise, (N,).
+        Angle in each frame, relative to the first, counter-clockwise, (N,).
     u_angle_deg
-        Standard uncertainty of each angle, from the misfit of the corners.
+        Standard uncertainty of each angle, from the residuals of the corners.
     row
-        Position of the centre, in rows of the picture, (N,).
+        Position of the centre, in rows of the frame, (N,).
     misfit_px
-        Root mean square misfit of one coordinate of a corner.
+        RMS residual of one coordinate of a corner.
     """
 
     angle_deg: FloatArray
@@ -131,37 +134,32 @@ class Turns:
     misfit_px: float
 
 
-def turns(corners: FloatArray) -> Turns:
-    """Compute the rotation of a marker from its corners (N, 4, 2) in pictures; x is to the right and y down."""
-    flat = _projection(SQUARE, corners[0])
-    chosen = np.linspace(0, len(corners) - 1, min(FITTED, len(corners))).astype(int)
-    for _ in range(ROUNDS):
-        _, placed = _placed(flat, corners[chosen])
-        flat = _projection(placed.reshape(-1, 2), corners[chosen].reshape(-1, 2))
-    angle, placed = _placed(flat, corners)
-    off = _projected(_back(flat), corners) - placed
-    free = max(5 * len(corners) - 8, 1)
-    sd = float(np.sqrt((off**2).sum() / free))
+def rotation_of(corners: FloatArray) -> Rotation:
+    """Compute the rotation of a marker from its corners (N, 4, 2) in the frames; x is to the right and y down."""
+    projection = _projection(SQUARE, corners[0])
+    fitted = np.linspace(0, len(corners) - 1, min(MAX_FITTED_FRAMES, len(corners))).astype(int)
+    for _ in range(ITERATIONS):
+        _, model, _ = _turned_squares(projection, corners[fitted])
+        projection = _projection(model.reshape(-1, 2), corners[fitted].reshape(-1, 2))
+    angle, model, in_plane = _turned_squares(projection, corners)
+    degrees_of_freedom = max(5 * len(corners) - 8, 1)
+    sd = float(np.sqrt(((in_plane - model) ** 2).sum() / degrees_of_freedom))
     side_px = float(np.hypot(*np.moveaxis(np.diff(corners, axis=1), -1, 0)).mean())
     # a rotation moves each corner by its distance from the centre; the squares add up to 2
     u_deg = float(np.degrees(sd / np.sqrt(2.0)))
-    return Turns(np.degrees(np.unwrap(angle)), u_deg, corners[:, :, 1].mean(axis=1), sd * side_px)
+    return Rotation(np.degrees(np.unwrap(angle)), u_deg, corners[:, :, 1].mean(axis=1), sd * side_px)
 
 
-def _placed(flat: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the angle of each marker in its plane, and its corners aligned with those of the square."""
-    seen = _projected(_back(flat), corners)
-    middle = seen.mean(axis=1, keepdims=True)
-    around = seen - middle
-    turned = np.sum(around[..., 1] * SQUARE[:, 0] - around[..., 0] * SQUARE[:, 1], axis=1)
-    angle = np.arctan2(turned, np.sum(around * SQUARE, axis=(1, 2)))
+def _turned_squares(projection: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return angle and corners of the squares that fit the markers, and the corners of the markers in their plane."""
+    in_plane = _projected(np.asarray(np.linalg.inv(projection), float), corners)
+    middle = in_plane.mean(axis=1, keepdims=True)
+    arm = in_plane - middle
+    cross = np.sum(arm[..., 1] * SQUARE[:, 0] - arm[..., 0] * SQUARE[:, 1], axis=1)
+    angle = np.arctan2(cross, np.sum(arm * SQUARE, axis=(1, 2)))
     cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
     x, y = SQUARE.T
-    return angle, middle + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
-
-
-def _back(flat: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.inv(flat), float)
+    return angle, middle + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1), in_plane
 
 
 def _projected(matrix: FloatArray, points: FloatArray) -> FloatArray:
@@ -169,18 +167,18 @@ def _projected(matrix: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(homogeneous[..., :2] / homogeneous[..., 2:])
 
 
-def _projection(plane: FloatArray, picture: FloatArray) -> FloatArray:
-    """Return the projection (3, 3) of points of a plane to those of a picture, (n, 2) each, by least squares."""
-    middle, scale = picture.mean(axis=0), float(picture.std())
+def _projection(plane: FloatArray, frame: FloatArray) -> FloatArray:
+    """Return the projection (3, 3) of points in a plane to points in a frame, (n, 2) each, by least squares."""
+    middle, scale = frame.mean(axis=0), float(frame.std())
     x, y = plane.T
-    u, v = ((picture - middle) / scale).T
-    none, one = np.zeros_like(x), np.ones_like(x)
+    u, v = ((frame - middle) / scale).T
+    zero, one = np.zeros_like(x), np.ones_like(x)
     rows = np.concatenate(
         [
-            np.stack([x, y, one, none, none, none, -u * x, -u * y], axis=1),
-            np.stack([none, none, none, x, y, one, -v * x, -v * y], axis=1),
+            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y], axis=1),
         ]
     )
-    found = np.append(np.linalg.lstsq(rows, np.concatenate([u, v]), rcond=None)[0], 1.0).reshape(3, 3)
-    back = np.array([[scale, 0.0, middle[0]], [0.0, scale, middle[1]], [0.0, 0.0, 1.0]])
-    return np.asarray(back @ found)
+    normalised = np.append(np.linalg.lstsq(rows, np.concatenate([u, v]), rcond=None)[0], 1.0).reshape(3, 3)
+    to_pixels = np.array([[scale, 0.0, middle[0]], [0.0, scale, middle[1]], [0.0, 0.0, 1.0]])
+    return np.asarray(to_pixels @ normalised)

@@ -1,10 +1,10 @@
-"""Meters as receivers: instruments that return a reading on request, with switched or steady light.
+"""Meters: instruments that measure the receivers and return a reading for each query, with switched or steady light.
 
-A multimeter or an oscilloscope samples at its own pace. A thread requests one reading after another and stamps request
-and arrival; the measurement took place between these two times, which the recording states. Readings are queued until
-the run fetches them.
+A multimeter or an oscilloscope samples at its own pace. A thread queries one reading after another and timestamps query
+and reply; the measurement took place between these two times, which are recorded. Readings are queued until the run
+fetches them.
 
-Public names: `Reading` and `AskingMeter`.
+Public names: `Reading` and `PolledMeter`.
 """
 
 import threading
@@ -20,8 +20,8 @@ from solen.errors import BenchError, DataError, SolenError
 
 STOPS_S = 10.0
 """Longest time in s until a reading in progress ends."""
-MAX_MISSED = 5
-"""Number of consecutive failed readings that ends the run."""
+MAX_FAILED = 5
+"""Number of consecutive failed readings that end the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Reading:
     Attributes
     ----------
     sent_s, t_s
-        Times of request and arrival, by the clock of the run.
+        Times of query and reply, by the clock of the run.
     on, off
         Values of each input with the emitters on and off; NaN if unknown.
     clipped
-        Whether each input was at an end of its range.
+        Whether each input was at a limit of its range.
     """
 
     sent_s: float
@@ -52,8 +52,8 @@ class MeterLosses:
     unreadable: int = 0
 
 
-class AskingMeter(ABC):
-    """A `Meter` polled continuously by its own thread.
+class PolledMeter(ABC):
+    """A `Meter` that its own thread polls continuously.
 
     Parameters
     ----------
@@ -66,79 +66,79 @@ class AskingMeter(ABC):
     """
 
     silent_s = 20.0
-    no_watchdog = "emitters are not switched by solen, and stay on however a run ends"
+    no_watchdog = "solen does not switch the emitters: they stay on after the run"
 
     def __init__(self, name: str, clock: Clock, *, inputs: int, unit: str, switched: bool) -> None:
         self.name, self.inputs, self.unit, self.switched = name, inputs, unit, switched
         self.losses = MeterLosses()
         self._clock = clock
-        self._made: SimpleQueue[Reading] = SimpleQueue()
+        self._queue: SimpleQueue[Reading] = SimpleQueue()
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
         self._fault: SolenError | None = None
 
     @abstractmethod
     def measure(self) -> Reading:
-        """Request a reading and wait for it; `DataError` if the measurement is unusable."""
+        """Return a new reading; raise `DataError` if the measurement is unusable."""
 
     @abstractmethod
     def release(self) -> None:
         """Release the instruments."""
 
     def start(self) -> None:
-        """Start requesting readings."""
-        self._made, self._fault = SimpleQueue(), None
+        """Start polling."""
+        self._queue, self._fault = SimpleQueue(), None
         self._ended.clear()
-        self._thread = threading.Thread(target=self._ask, daemon=True)
+        self._thread = threading.Thread(target=self._poll, daemon=True)
         self._thread.start()
 
     def read(self) -> list[Reading]:
-        """Return the readings since the last call; raise `BenchError` with the reason if they have ended."""
-        found, fault = [], self._fault  # read first: all earlier readings are then in the queue
+        """Return the readings since the last call; raise the error that ended the polling, if there are none."""
+        readings, fault = [], self._fault  # the fault first: all earlier readings are then in the queue
         while True:
             try:
-                found.append(self._made.get_nowait())
+                readings.append(self._queue.get_nowait())
             except Empty:
                 break
-        if fault is not None and not found:
+        if fault is not None and not readings:
             raise fault
-        return found
+        return readings
 
     def stop(self) -> None:
-        """Stop reading."""
+        """Stop polling."""
         self._ended.set()
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.join(STOPS_S)
             if thread.is_alive():
-                limit = f"has not ended a reading in {STOPS_S:g} s"
+                limit = f"has not completed a reading within {STOPS_S:g} s"
                 raise BenchError(self.name, limit=limit, remedy="check that it is connected")
 
     def close(self) -> None:
-        """Stop reading, and release the instruments."""
+        """Stop polling, and release the instruments."""
         try:
             self.stop()
         finally:
             self.release()
 
-    def _ask(self) -> None:
-        missed = 0
+    def _poll(self) -> None:
+        failed = 0
         while not self._ended.is_set():
             try:
-                self._made.put(self.measure())
-                missed = 0
+                self._queue.put(self.measure())
+                failed = 0
             except SolenError as bad:
-                missed += 1
+                failed += 1
                 self.losses.unreadable += 1
-                if not isinstance(bad, DataError) or missed >= MAX_MISSED:
+                if not isinstance(bad, DataError) or failed >= MAX_FAILED:
                     self._fault = bad
                     return
             except Exception as bad:  # otherwise the thread would end silently
-                words = " ".join(f"{type(bad).__name__}: {bad}".split())
-                self._fault = BenchError(self.name, limit=f"cannot be read: {words}")
+                reason = " ".join(f"{type(bad).__name__}: {bad}".split())
+                self._fault = BenchError(self.name, limit=f"cannot be read: {reason}")
                 return
 
 
-def steady(sent_s: float, t_s: float, values: FloatArray, clipped: BoolArray) -> Reading:
+def steady_reading(sent_s: float, t_s: float, values: FloatArray, clipped: BoolArray) -> Reading:
     """Return a reading in steady light."""
     return Reading(sent_s, t_s, values, np.full(len(values), np.nan), clipped)

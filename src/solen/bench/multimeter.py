@@ -1,7 +1,7 @@
-"""Multimeters as receivers: one for each input, by VISA and SCPI, in steady light.
+"""Multimeters, one for each input, by VISA and SCPI, in steady light.
 
-All meters are queried at once and read one after the other, and thus measure simultaneously. A reading beyond the range
-is 9.9E37 in SCPI, and counts as clipped (SCPI-1999, volume 1, 7.2.1.5).
+The queries are sent to all meters before the first reply is read; the meters thus measure almost simultaneously. For a
+reading outside the range SCPI specifies the value 9.9E37, which is treated as clipped (SCPI-1999, volume 1, 7.2.1.5).
 
 Public name: `Multimeters`.
 """
@@ -11,14 +11,15 @@ import math
 import numpy as np
 
 from solen.bench.clock import Clock
-from solen.bench.meter import AskingMeter, Reading, steady
-from solen.bench.visa import Scpi, all_or_none, opened_all
+from solen.bench.drivers import on_failure
+from solen.bench.meter import PolledMeter, Reading, steady_reading
+from solen.bench.visa import Scpi, open_all
 
-OVER = 9.0e37
-"""Values above this mean overrange, or not a number."""
+OVERRANGE = 9.0e37
+"""Absolute value above which a reading means overrange, or not a number."""
 
 
-class Multimeters(AskingMeter):
+class Multimeters(PolledMeter):
     """Multimeters, one for each input.
 
     Parameters
@@ -27,19 +28,19 @@ class Multimeters(AskingMeter):
         Clock of the run.
     addresses
         VISA address of the meter of each input.
-    ask
-        The query that is answered by a reading: ``READ?``, ``MEAS:VOLT:DC?``, ``FETC?``.
+    query
+        Query whose reply is a reading: ``READ?``, ``MEAS:VOLT:DC?``, ``FETC?``.
     setup
         Commands to each meter before the first reading.
     unit
         Unit of the readings.
-    backend, answer_s
-        PyVISA's name of the library, and longest duration of an answer.
+    backend, timeout_s
+        PyVISA's name of the library, and time limit in s for a reply.
 
     Raises
     ------
     BenchError
-        If a meter does not answer, or rejects a command.
+        If a meter does not reply, or rejects a command.
     """
 
     def __init__(
@@ -47,42 +48,41 @@ class Multimeters(AskingMeter):
         clock: Clock,
         addresses: tuple[str, ...],
         *,
-        ask: str = "READ?",
+        query: str = "READ?",
         setup: tuple[str, ...] = (),
         unit: str = "V",
         backend: str = "@py",
-        answer_s: float = 5.0,
+        timeout_s: float = 5.0,
     ) -> None:
-        self._all = opened_all(addresses, lambda name: Scpi(name, backend=backend, answer_s=answer_s))
-        with all_or_none(self._all):
-            for one in self._all:
-                one.commanded(setup)
-        self._question = ask
-        name = " and ".join(dict.fromkeys(one.identity for one in self._all))
+        self._meters = open_all(addresses, lambda name: Scpi(name, backend=backend, timeout_s=timeout_s))
+        with on_failure(self.release):
+            for meter in self._meters:
+                meter.send_commands(setup)
+        self._query = query
+        name = " and ".join(dict.fromkeys(meter.identity for meter in self._meters))
         super().__init__(name, clock, inputs=len(addresses), unit=unit, switched=False)
 
     def measure(self) -> Reading:
         """Return one reading of each meter."""
         sent_s = self._clock.now_s()
-        for one in self._all:
-            one.say(self._question)
-        values = np.array([_value(one, self._question) for one in self._all])
-        beyond = np.abs(values) > OVER
-        return steady(sent_s, self._clock.now_s(), np.where(beyond, np.nan, values), beyond)
+        for meter in self._meters:
+            meter.write(self._query)
+        values = np.array([_value(meter, self._query) for meter in self._meters])
+        overrange = np.abs(values) > OVERRANGE
+        return steady_reading(sent_s, self._clock.now_s(), np.where(overrange, np.nan, values), overrange)
 
     def release(self) -> None:
         """Close the sessions."""
-        for one in self._all:
-            one.close()
+        for meter in self._meters:
+            meter.close()
 
 
-def _value(one: Scpi, question: str) -> float:
-    """Return the number in an answer; raise `BenchError` for anything else."""
-    answer = one.heard()
+def _value(meter: Scpi, query: str) -> float:
+    """Return the number in a reply; raise `BenchError` if the reply is not a number."""
+    reply = meter.read()
     try:
-        value = float(answer)
+        value = float(reply)
     except ValueError:
-        raise one.refusal(
-            f"answered {answer[:40]!r} to {question}", "use a query that is answered by one reading: meter.ask"
-        ) from None
+        limit = f"replied {reply[:40]!r} to {query}, which is not one number"
+        raise meter.error(limit, "set meter.ask to a query whose reply is one reading") from None
     return math.inf if math.isnan(value) else value

@@ -1,11 +1,12 @@
-"""A journal closed into a netCDF file: all samples, and each sensor's readings without ambient light.
+"""A journal converted to a netCDF file: all samples, and the readings of each sensor without ambient light.
 
-The root of the file stores the received data, count by count, on the clock of the run, and the position of the stage.
-The data are a board's periods, or a data acquisition's samples, from which `solen.bench.waveform` computes readings.
-Each sensor, and each emitter of a network, has its own group with the data that analysis reads: the times of its
-emitter's on phases, the angles at these times, and the volts of its receivers, on minus the mean of off before and
-after. Nothing is smoothed. A cycle that was interrupted in a resumed run is repeated: it stays in the root and is
-omitted from the groups. The file is written under a temporary name and renamed; the journal stays.
+The root group stores the received data, as counts on the clock of the run, and the positions of the stages. The data
+are the periods of a board, the samples of a DAQ device, from which `solen.bench.waveform` computes readings, or the
+readings of a meter. Each sensor, and each emitter of a network, has its own group with the data for analysis: the times
+of the on phases of its emitter, the angles at these times, and the signals of its receivers, on minus the mean of off
+before and after. Nothing is smoothed. A cycle that was interrupted is repeated when the run is resumed; its samples
+stay in the root group and are omitted from the others. The file is written under a temporary name and renamed; the
+journal is kept.
 
 Public names: `write_recording` and `RecordedRun`.
 """
@@ -25,46 +26,47 @@ from solen.analysis.load_cell import LoadCell
 from solen.arrays import FloatArray
 from solen.bench.axes import stream_of
 from solen.bench.clock_fit import ClockLine, fit_clock
-from solen.bench.frames import UNSOUND
+from solen.bench.frames import INVALID
 from solen.bench.journal_content import JournalContent, Rows, signal_unit
 from solen.bench.protocol import Protocol
 from solen.bench.readings import (
-    AT_ONCE,
     CELL,
+    CHUNK_PERIODS,
     Columns,
-    Read,
+    MeterReadings,
     View,
     columns_of,
-    cut_short,
-    drive_of,
+    drive_column,
     inputs_of,
-    looks_of,
+    interrupted_spans,
     motions_of,
+    positions_of,
+    segments,
     sensor_readings,
-    stretches,
     views_of,
 )
-from solen.bench.timing import Timing, came_by, exchanges, known_at_rest_alone, reach_of
+from solen.bench.timing import Timing, exchanges, full_scale_of, known_only_at_rest, latest_arrival_s
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.results import HIDDEN, Result, reported
 
-_NAMED = 5
-"""Number of gaps of a damaged journal that are named one by one."""
+_PART = "part of the run, increased by one each time the run was resumed"
+_MAX_LISTED_GAPS = 5
+"""Largest number of gaps of a damaged journal that a warning lists."""
 
 
 class RecordedRun(Result):
-    """Content of the recording of a run.
+    """Summary of the recording of a run.
 
     Attributes
     ----------
     path
         The file.
     outcome
-        ``done``, ``stopped``, ``fault``, or ``killed`` if the journal has no end.
+        ``done``, ``stopped``, ``fault``, or ``killed`` if the run did not record how it ended.
     cycles, periods
-        Number of complete cycles, and of periods or frames.
+        Number of complete cycles, and of periods of a board, frames of a DAQ device or readings of a meter.
     duration_s
         Time from the first period to the last.
     sensors
@@ -72,13 +74,13 @@ class RecordedRun(Result):
     losses
         Losses of the sampler, over all parts of the run.
     lost_bytes
-        Number of bytes of the journal's unfinished last record.
+        Number of bytes of the unfinished last record of the journal.
     damaged_bytes, missing_records
         For a damaged journal: bytes that no longer form a record, and number of records known to be missing.
     simulated
-        Whether anything in it is simulated.
-    remarks
-        Periods without readings, and events of the instruments.
+        Whether any of its data are simulated.
+    cautions
+        Warnings from the recording, except those of losses.
     """
 
     path: Path = field(metadata=HIDDEN)
@@ -92,21 +94,15 @@ class RecordedRun(Result):
     damaged_bytes: int
     missing_records: int
     simulated: bool
-    remarks: tuple[Caution, ...] = field(default=(), metadata=HIDDEN)
+    cautions: tuple[Caution, ...] = field(default=(), metadata=HIDDEN)
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Losses and remarks."""
+        """Losses and other warnings."""
         lost = [f"{number} {name}" for name, number in self.losses.items() if number]
-        return (
-            *([warning(f"lost {', '.join(lost)}")] if lost else []),
-            *self.remarks,
-            *(
-                [warning(f"the last {self.lost_bytes} bytes of the journal were not complete")]
-                if self.lost_bytes
-                else []
-            ),
-        )
+        losses = [warning(f"lost {', '.join(lost)}")] if lost else []
+        unfinished = f"the last record of the journal is incomplete, and its {self.lost_bytes} bytes are lost"
+        return (*losses, *self.cautions, *([warning(unfinished)] if self.lost_bytes else []))
 
 
 def check_installed() -> None:
@@ -114,7 +110,7 @@ def check_installed() -> None:
     need("h5netcdf", "h5py", what="netCDF")
 
 
-def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
+def write_recording(journal: JournalContent, path: Path) -> RecordedRun:
     """Write the content of a journal to a netCDF file.
 
     Raises
@@ -123,180 +119,186 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
         If the file cannot be written, or h5netcdf is not installed.
     """
     check_installed()
-    done: list[RecordedRun] = []
+    recorded: list[RecordedRun] = []
 
     def write(target: Path) -> None:
         import h5netcdf
 
         with h5netcdf.File(target, "w") as file:
-            content = _CONTENT[journaled.sampled]
-            time_s, readings, remarks = content(file, journaled)
-            remarks += [line for view in views_of(journaled.header) for line in _clipped(file[view.name], view)]
-            _positions(file, journaled)
-            remarks += [warning(event["reason"]) for event in journaled.events if event["what"] == "remark"]
-            remarks += _overloaded(file, journaled)
-            remarks += [*_timing(file, journaled), *_damage(journaled), *_ended(journaled)]
-            done.append(
+            time_s, readings, cautions = _WRITERS[journal.sampler_stream](file, journal)
+            cautions += [caution for view in views_of(journal.header) for caution in _clipped(file[view.name], view)]
+            _write_positions(file, journal)
+            cautions += [warning(event["reason"]) for event in journal.events if event["what"] == "remark"]
+            cautions += _without_force(file, journal)
+            cautions += [*_write_timing(file, journal), *_damage(journal), *_early_end(journal)]
+            recorded.append(
                 RecordedRun(
                     path=path,
-                    outcome=journaled.outcome,
-                    cycles=journaled.cycles,
+                    outcome=journal.outcome,
+                    cycles=journal.cycles,
                     periods=len(time_s),
                     duration_s=float(time_s[-1] - time_s[0]) if len(time_s) else 0.0,
                     sensors=readings,
-                    losses=journaled.losses,
-                    lost_bytes=journaled.lost_bytes,
-                    damaged_bytes=journaled.damaged_bytes,
-                    missing_records=sum(one.last - one.first + 1 for one in journaled.missing),
-                    simulated=bool(journaled.header["simulated"]),
-                    remarks=tuple(remarks),
+                    losses=journal.losses,
+                    lost_bytes=journal.lost_bytes,
+                    damaged_bytes=journal.damaged_bytes,
+                    missing_records=sum(gap.last - gap.first + 1 for gap in journal.missing),
+                    simulated=bool(journal.header["simulated"]),
+                    cautions=tuple(cautions),
                 )
             )
         files.seal(target)
 
     files.write_all({path: write})
-    return done[-1]
+    return recorded[-1]
 
 
-Content = tuple[FloatArray, dict[str, int], list[Caution]]
-"""Time of each period, readings of each sensor, and remarks."""
+Written = tuple[FloatArray, dict[str, int], list[Caution]]
+"""Time of each period, number of readings of each sensor, and warnings."""
 
 
-def _periods(file: Any, journaled: JournalContent) -> Content:
-    """Write the samples of a board."""
-    board, header = journaled.streams["board"], journaled.header
-    time_s, lines = _times(journaled)
-    _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
-    _sampled(file, board, time_s, header)
-    cuts, readings, bent = cut_short(journaled), {}, []
+def _write_periods(file: Any, journal: JournalContent) -> Written:
+    """Write the periods of a board."""
+    board, header = journal.streams["board"], journal.header
+    time_s, lines = _times(journal)
+    _write_attributes(file, journal, {str(index): line for index, line in enumerate(lines)})
+    _write_samples(file, board, time_s, header)
+    spans, readings, cautions = interrupted_spans(journal), {}, _invalid(board)
     for view in views_of(header):
-        parts = list(sensor_readings(view, journaled, time_s, cuts))
-        bent += _bent(view, parts, header.get("rig", {}).get("board", {}).get("straight_v"))
-        readings[view.name] = _sensor(file, view, parts, journaled)
-    return time_s, readings, [*_unsound(board), *bent]
+        parts = list(sensor_readings(view, journal, time_s, spans))
+        cautions += _nonlinear(view, parts, header.get("rig", {}).get("board", {}).get("linear_v"))
+        readings[view.name] = _write_sensor(file, view, parts, journal)
+    return time_s, readings, cautions
 
 
-def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
-    """Warn of readings that depend on levels at which the converter is not linear."""
-    if ends is None or not parts:
+def _nonlinear(view: View, parts: Sequence[Columns], linear_V: Sequence[float] | None) -> list[Caution]:
+    """Warn of readings with levels outside the linear range of the ADC."""
+    if linear_V is None or not parts:
         return []
+    low, high = linear_V
     outside = []
     for part in parts:
-        levels = [part[f"{name}_ambient"] + more for name in view.inputs for more in (0.0, part[name])]
-        outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
-    share = float(np.concatenate(outside).mean())
-    beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
-    return (
-        [prefixed(view.name, warning(f"{100 * share:.3g} % of the readings depend on {beyond}"))] if share > 0.0 else []
-    )
+        off = [part[f"{name}_ambient"] for name in view.inputs]
+        on = [level + part[name] for level, name in zip(off, view.inputs, strict=True)]
+        outside.append(np.any([(level < low) | (level > high) for level in (*off, *on)], axis=0))
+    percent = 100.0 * float(np.concatenate(outside).mean())
+    if percent == 0.0:
+        return []
+    limits = f"outside {low:g} to {high:g} V, the linear range of the ADC"
+    return [prefixed(view.name, warning(f"{percent:.3g} % of the readings have levels {limits}"))]
 
 
 def _clipped(group: Any, view: View) -> Iterator[Caution]:
-    """Warn of readings with a sample at a limit of the converter's range."""
+    """Warn of readings with a sample at a limit of the input range."""
     marks = {name: np.asarray(group[f"{name}_clipped"]) for name in view.inputs}
-    shares = [f"{name} {100 * own.mean():.3g} %" for name, own in marks.items() if own.any()]
-    if shares:
-        yield prefixed(view.name, warning(f"readings clipped at a limit of the converter's range: {', '.join(shares)}"))
+    percentages = [f"{name} {100 * clipped.mean():.3g} %" for name, clipped in marks.items() if clipped.any()]
+    if percentages:
+        yield prefixed(view.name, warning(f"readings are clipped at a limit of the range: {', '.join(percentages)}"))
 
 
-def _unsound(board: Rows) -> list[Caution]:
-    count = int(np.count_nonzero(board["flags"] & UNSOUND))
-    late = warning(f"{count} periods that the board sampled late, or with a fault, gave no readings")
-    return [late] if count else []
+def _invalid(board: Rows) -> list[Caution]:
+    count = int(np.count_nonzero(board["flags"] & INVALID))
+    omitted = warning(f"{count} periods that the board sampled late, or with a faulty emitter, gave no readings")
+    return [omitted] if count else []
 
 
-def _waveform(file: Any, journaled: JournalContent) -> Content:
-    """Write the samples of a data acquisition."""
-    header, wave = journaled.header, Waveform(file, journaled)
-    _attributes(file, journaled, wave.lines)
-    file.dimensions["period"] = len(wave.time_s)
-    _variable(file, "time_s", ("period",), wave.time_s, "s", "time of a frame's first sample on the clock of the run")
-    _variable(file, "part", ("period",), wave.part, "1", "part of the run, counted up each time it was resumed")
-    _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, counted up after each gap")
-    _variable(file, "number", ("period",), wave.number, "1", "number of the frame's first sample in its stretch")
+def _write_waveform(file: Any, journal: JournalContent) -> Written:
+    """Write the samples of a DAQ device."""
+    header, waveform = journal.header, Waveform(file, journal)
+    _write_attributes(file, journal, waveform.lines)
+    file.dimensions["period"] = len(waveform.time_s)
+    for name, values, unit, text in (
+        ("time_s", waveform.time_s, "s", "time of the first sample of the frame, on the clock of the run"),
+        ("part", waveform.part, "1", _PART),
+        ("stretch", waveform.segment, "1", "gapless segment of the part, increased by one after each gap"),
+        ("number", waveform.number, "1", "index of the first sample of the frame in its segment"),
+    ):
+        _write_variable(file, name, ("period",), values, unit, text)
     coefficients = np.array(header["daq"]["coefficients"])
     file.dimensions["power"] = coefficients.shape[1]
-    _variable(
+    _write_variable(
         file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
     )
-    cuts, views = cut_short(journaled), views_of(header)
+    spans, views = interrupted_spans(journal), views_of(header)
     parts: dict[str, list[Columns]] = {view.name: [] for view in views}
-    for view, found, kept in wave.readings(views):
-        parts[view.name].append(columns_of(view, found, kept, journaled, cuts))
-    readings = {view.name: _sensor(file, view, parts.pop(view.name), journaled) for view in views}
-    file.attrs["remarks"] = json.dumps(wave.remarks)
-    return wave.time_s, readings, wave.remarks
+    for view, window, kept in waveform.readings(views):
+        parts[view.name].append(columns_of(view, window, kept, journal, spans))
+    readings = {view.name: _write_sensor(file, view, parts.pop(view.name), journal) for view in views}
+    file.attrs["remarks"] = json.dumps(waveform.cautions)
+    return waveform.time_s, readings, waveform.cautions
 
 
-def _readings(file: Any, journaled: JournalContent) -> Content:
-    """Write the readings of a meter: each as it arrived, and those of each sensor."""
-    rows, header = journaled.streams["meter"], journaled.header
+def _write_meter(file: Any, journal: JournalContent) -> Written:
+    """Write the readings of a meter: all of them as they arrived, and those of each sensor."""
+    rows, header = journal.streams["meter"], journal.header
     half_s = 0.5 * (rows["t_s"] - rows["sent_s"] + header.get("clock_resolution_s", 0.0))
     time_s = rows["sent_s"] + half_s
     bound_s = float(half_s.mean()) if len(rows) else None
-    _attributes(file, journaled, {"meter": ClockLine(0.0, 1.0, 0.0, bound_s)})
+    _write_attributes(file, journal, {"meter": ClockLine(0.0, 1.0, 0.0, bound_s)})
     file.dimensions = {"period": len(rows), "input": header["meter"]["inputs"]}
-    _variable(file, "time_s", ("period",), time_s, "s", "midpoint of query and answer, on the clock of the run")
-    _variable(file, "bound_s", ("period",), half_s, "s", "half-width of its error")
-    _variable(file, "part", ("period",), rows["part"], "1", "part of the run, counted up each time it was resumed")
+    for name, values, unit, text in (
+        ("time_s", time_s, "s", "midpoint of query and reply, on the clock of the run"),
+        ("bound_s", half_s, "s", "bound on the error of this time in either direction"),
+        ("part", rows["part"], "1", _PART),
+    ):
+        _write_variable(file, name, ("period",), values, unit, text)
     for name, text in (("on", "inputs with the emitters on"), ("off", "inputs with the emitters off; NaN: unknown")):
-        _variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
-    cuts, readings = cut_short(journaled), {}
+        _write_variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
+    spans, readings = interrupted_spans(journal), {}
     for view in views_of(header):
-        inputs = inputs_of(view, header)
-        columns = columns_of(view, _read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
+        of_view = _meter_readings(rows, time_s, inputs_of(view, header))
+        columns = columns_of(view, of_view, np.ones(len(rows), bool), journal, spans)
         switched = header["meter"]["switched"]
-        readings[view.name] = _sensor(file, view, [columns], journaled, switched=switched)
+        readings[view.name] = _write_sensor(file, view, [columns], journal, switched=switched)
     return time_s, readings, []
 
 
-def _read_by(rows: Rows, time_s: FloatArray, inputs: list[int]) -> Read:
+def _meter_readings(rows: Rows, time_s: FloatArray, inputs: list[int]) -> MeterReadings:
     """Return the readings of some inputs: on minus off if off is known, otherwise on."""
     on, off = rows["on"][:, inputs], rows["off"][:, inputs]
-    return Read(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
+    return MeterReadings(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
 
 
-_CONTENT = {"board": _periods, "samples": _waveform, "meter": _readings}
+_WRITERS = {"board": _write_periods, "samples": _write_waveform, "meter": _write_meter}
 
 
-def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
+def _times(journal: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
     """Return the time of each period on the run's clock, and the clock line of each segment."""
-    board, came = journaled.streams["board"], journaled.streams["came"]
+    board, arrivals = journal.streams["board"], journal.streams["came"]
     times, lines = np.zeros(len(board)), []
-    for first, last in stretches(board):
-        mine = board[first:last]
-        numbers, board_s = mine["number"], 1e-6 * mine["board_us"].astype(float)
-        held = (came["part"] == mine["part"][0]) & (came["number"] >= numbers[0]) & (came["number"] <= numbers[-1])
-        arrivals = came[held]
-        # a period arrives when it is over
-        over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
-        if len(arrivals):
-            came_s = came_by(arrivals, journaled)
-            line = fit_clock(over, came_s, exchanges(journaled, int(mine["part"][0]), came_s))
+    for first, last in segments(board):
+        periods = board[first:last]
+        part, numbers, board_s = int(periods["part"][0]), periods["number"], 1e-6 * periods["board_us"].astype(float)
+        within = (arrivals["number"] >= numbers[0]) & (arrivals["number"] <= numbers[-1])
+        of_segment = arrivals[within & (arrivals["part"] == part)]
+        if len(of_segment):
+            end_s = np.interp(of_segment["number"] + 1.0, numbers, board_s)  # a period arrives after its end
+            arrival_s = latest_arrival_s(of_segment, journal)
+            line = fit_clock(end_s, arrival_s, exchanges(journal, part, arrival_s))
         else:
-            line = fit_clock(over, over)
+            line = ClockLine(0.0, 1.0, 0.0)
         lines.append(line)
         times[first:last] = line.at(board_s)
     return times, lines
 
 
-def _attributes(file: Any, journaled: JournalContent, lines: Mapping[str, ClockLine]) -> None:
-    header = {key: value for key, value in journaled.header.items() if key != "streams"}
+def _write_attributes(file: Any, journal: JournalContent, lines: Mapping[str, ClockLine]) -> None:
+    header = {key: value for key, value in journal.header.items() if key != "streams"}
     file.attrs["title"] = f"solen bench run: {header['protocol_name']} on {header['rig_name']}"
     file.attrs["source"] = f"solen {header['solen']}"
     file.attrs["simulated"] = "yes" if header["simulated"] else "no"
-    file.attrs["outcome"] = journaled.outcome
+    file.attrs["outcome"] = journal.outcome
     file.attrs["date"] = header["begun_utc"]
     file.attrs["control"] = " ".join(sensor["name"] for sensor in header["sensors"] if not sensor["lens"])
     file.attrs["header"] = json.dumps(header)
-    file.attrs["events"] = json.dumps(journaled.events)
+    file.attrs["events"] = json.dumps(journal.events)
     file.attrs["clock"] = json.dumps({name: vars(line) for name, line in lines.items()})
-    file.attrs["cut_short"] = json.dumps([[max(a, 0.0), b] for a, b in cut_short(journaled) if b < math.inf])
-    file.attrs["losses"] = json.dumps(journaled.losses)
-    file.attrs["lost_bytes"] = journaled.lost_bytes
+    file.attrs["cut_short"] = json.dumps([[max(a, 0.0), b] for a, b in interrupted_spans(journal) if b < math.inf])
+    file.attrs["losses"] = json.dumps(journal.losses)
+    file.attrs["lost_bytes"] = journal.lost_bytes
 
 
-def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, Any]) -> None:
+def _write_samples(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, Any]) -> None:
     counts = board["counts"]
     file.dimensions = {
         "period": len(board),
@@ -304,153 +306,152 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
         "phase": 2,
         "input": header["receivers"],
     }
-    _variable(file, "time_s", ("period",), time_s, "s", "start of the period on the clock of the run")
-    _variable(file, "part", ("period",), board["part"], "1", "part of the run, counted up each time it was resumed")
-    _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
-    _variable(file, "board_us", ("period",), board["board_us"], "us", "start of the period by the board's own clock")
-    _variable(
-        file,
-        "flags",
-        ("period",),
-        board["flags"],
-        "1",
-        "1 late, 2 emitter at fault (no readings), 4 restarted",
-    )
+    for name, values, unit, text in (
+        ("time_s", time_s, "s", "start of the period on the clock of the run"),
+        ("part", board["part"], "1", _PART),
+        ("number", board["number"], "1", "number of the period, from the board"),
+        ("board_us", board["board_us"], "us", "start of the period on the clock of the board"),
+        ("flags", board["flags"], "1", "1 late, 2 emitter faulty (no readings), 4 first after a restart"),
+    ):
+        _write_variable(file, name, ("period",), values, unit, text)
     dims = ("period", "emitter", "phase", "input")
     unit, text = signal_unit(header), "of an input; phase 0 with the emitter on, 1 with it off again"
     name = "voltage" if unit == "V" else "signal"
-    values = create_variable(file, name, dims, counts.shape, counts.dtype, unit, f"{name} {text}", AT_ONCE)
-    values.attrs["scale_factor"] = header["volts_per_count"]
-    for begin in range(0, len(board), AT_ONCE):
-        values[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
+    variable = create_variable(file, name, dims, counts.shape, counts.dtype, unit, f"{name} {text}", CHUNK_PERIODS)
+    variable.attrs["scale_factor"] = header["volts_per_count"]
+    for begin in range(0, len(board), CHUNK_PERIODS):
+        variable[begin : begin + CHUNK_PERIODS] = counts[begin : begin + CHUNK_PERIODS]
 
 
-def _positions(file: Any, journaled: JournalContent) -> None:
-    for motion in motions_of(journaled.header):
-        stage, looks = journaled.streams[stream_of(motion)], looks_of(journaled, motion)
-        own = f"{motion}_" if motion else ""
-        file.dimensions[f"{own}look"] = len(stage)
+def _write_positions(file: Any, journal: JournalContent) -> None:
+    for motion in motions_of(journal.header):
+        stage, positions = journal.streams[stream_of(motion)], positions_of(journal, motion)
+        prefix = f"{motion}_" if motion else ""
+        file.dimensions[f"{prefix}look"] = len(stage)
         for name, values, unit, text in (
-            ("stage_time_s", looks.time_s, "s", "time of the position: the midpoint of query and answer"),
-            ("stage_bound_s", looks.bound_s, "s", "half-width of its error"),
-            ("stage_answer_s", stage["t_s"], "s", "when its answer arrived, on the run's clock as read"),
-            ("stage_position", looks.position, journaled.header["unit"], "where it was"),
+            ("stage_time_s", positions.time_s, "s", "time of the position: the midpoint of query and reply"),
+            ("stage_bound_s", positions.bound_s, "s", "bound on the error of this time in either direction"),
+            ("stage_answer_s", stage["t_s"], "s", "time at which the reply arrived, on the clock of the run"),
+            ("stage_position", positions.position, journal.header["unit"], "position of the stage"),
         ):
-            _variable(file, f"{own}{name}", (f"{own}look",), values, unit, text)
+            _write_variable(file, f"{prefix}{name}", (f"{prefix}look",), values, unit, text)
 
 
-def _ended(journaled: JournalContent) -> list[Caution]:
-    """State why a run ended early."""
-    ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
-    if not ends or journaled.outcome == "done":
+def _early_end(journal: JournalContent) -> list[Caution]:
+    """Warn of a run that ended early, with the reason."""
+    ends = [event for event in journal.events if event["what"] in {"stopped", "fault"}]
+    if not ends or journal.outcome == "done":
         return []
     return [warning(f"the run ended early: {ends[-1]['reason']}")]
 
 
-def _damage(journaled: JournalContent) -> list[Caution]:
-    """State the missing parts of a damaged journal."""
-    if not journaled.damaged:
+def _damage(journal: JournalContent) -> list[Caution]:
+    """Warn of the missing parts of a damaged journal."""
+    if not journal.damaged:
         return []
-    places = ", ".join(map(str, journaled.missing[:_NAMED]))
-    more = f" and records in {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
-    lacks = f"missing: {places}{more}" if places else "the missing records are unknown"
-    kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes cannot be read as records; {lacks}"
-    return [warning(kept)]
+    missing = "it is unknown which records are missing"
+    if journal.missing:
+        listed, unlisted = journal.missing[:_MAX_LISTED_GAPS], len(journal.missing) - _MAX_LISTED_GAPS
+        more = f" and records in {unlisted} more gaps" if unlisted > 0 else ""
+        missing = f"missing: {', '.join(map(str, listed))}{more}"
+    damage = f"{journal.damaged_bytes} bytes cannot be read as records"
+    return [warning(f"the journal is damaged and is kept: {damage}; {missing}")]
 
 
-def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
-    """State the timing uncertainty due to clocks and lines, for hysteresis; with a remark if it is notable."""
-    header, remarks = journaled.header, []
+def _write_timing(file: Any, journal: JournalContent) -> list[Caution]:
+    """Write the timing uncertainty due to clocks and lines; warn if it may contribute notably to hysteresis."""
+    header, cautions = journal.header, []
     lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]
     protocol = Protocol(**header["protocol"])
     for motion in motions_of(header):
-        stage = journaled.streams[stream_of(motion)]
+        stage = journal.streams[stream_of(motion)]
         timing = Timing.of(stage, header.get("clock_resolution_s", 0.0), lines)
         for name, value in timing.attributes.items():
             file.attrs[f"{motion} {name}" if motion else name] = value
-        if not known_at_rest_alone(stage):
-            remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
-            remarks += [] if remark is None else [prefixed(motion, remark)]
-    return remarks
+        if not known_only_at_rest(stage):
+            caution = timing.caution(protocol.fastest, full_scale_of(stage["position"]), protocol.unit)
+            cautions += [] if caution is None else [prefixed(motion, caution)]
+    return cautions
 
 
-def _sensor(file: Any, view: View, parts: list[Columns], journaled: JournalContent, *, switched: bool = True) -> int:
-    """Write a sensor's group, for a network one for each emitter, and return the number of readings.
+def _write_sensor(
+    file: Any, view: View, parts: list[Columns], journal: JournalContent, *, switched: bool = True
+) -> int:
+    """Write the group of a sensor under one emitter, and return the number of its readings.
 
-    Receivers are in their unit. The ambient light is unknown for emitters that are on all the time.
+    The ambient light is unknown if the emitters are not switched.
     """
-    # pieces are freed while they are joined
+    # parts are freed while they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])} if parts else {}
     group = file.create_group(view.name)
     group.attrs["sensor"] = view.name
     group.attrs["lens"] = "yes" if view.sensor["lens"] else "no"
     for key, value in view.sensor.get("drawn", {}).items():
         group.attrs[f"drawn {key}"] = value
-    unit, header = signal_unit(journaled.header), journaled.header
+    header = journal.header
     if header.get("load_cell") is not None and columns:
         cell = LoadCell(**header["load_cell"])
-        zero_V = _without_load_V(cell, columns, journaled)
+        zero_V = _zero_V(cell, columns, journal)
         columns["force_N"] = cell.force_N(columns.pop(CELL), zero_V)
         group.attrs["load_cell_zero_V"] = zero_V
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
-    described = _described(view, header, unit, switched=switched)
-    for name, (own_unit, text) in described.items():
+    for name, (unit, text) in _descriptions(view, header, switched=switched).items():
         values = columns[name] if columns else np.zeros(0)
-        _variable(group, name, ("reading",), values, own_unit, text)
+        _write_variable(group, name, ("reading",), values, unit, text)
     return readings
 
 
-def _described(view: View, header: Mapping[str, Any], unit: str, *, switched: bool) -> dict[str, tuple[str, str]]:
-    """Return unit and description of each column of a sensor."""
-    made = f"{_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
-    found = {"time_s": ("s", "time of the emitter's on phase on the clock of the run")}
-    for motion, driven in motions_of(header).items():
-        found[drive_of(motion, driven)] = _drive_in_words(motion, driven)
-    if header.get("load_cell") is not None:
-        found["force_N"] = "N", "force by the load cell, the mean of on and off"
-    found |= {name: (unit, f"{name} receiver, {made}") for name in view.inputs}
+def _descriptions(view: View, header: Mapping[str, Any], *, switched: bool) -> dict[str, tuple[str, str]]:
+    """Return unit and description of each column of a sensor, keyed by its name."""
+    unit = signal_unit(header)
+    signal = "with the emitters on all the time"
     if switched:
-        found |= {f"{name}_ambient": (unit, f"{name} receiver with the emitter off") for name in view.inputs}
-    clipped = "receiver was at an end of the converter's range"
-    return found | {f"{name}_clipped": ("1", f"1 where a sample of the {name} {clipped}") for name in view.inputs}
+        signal = f"on minus the mean of off before and after{'; lower is brighter' if unit == 'V' else ''}"
+    texts = {"time_s": ("s", "time of the emitter's on phase on the clock of the run")}
+    for motion, settings in motions_of(header).items():
+        texts[drive_column(motion, settings)] = _drive_description(motion, settings)
+    if header.get("load_cell") is not None:
+        texts["force_N"] = "N", "force from the load cell, the mean of on and off"
+    texts |= {name: (unit, f"{name} receiver, {signal}") for name in view.inputs}
+    if switched:
+        texts |= {f"{name}_ambient": (unit, f"{name} receiver with the emitter off") for name in view.inputs}
+    clipped = "receiver was at a limit of the range"
+    return texts | {f"{name}_clipped": ("1", f"1 if a sample of the {name} {clipped}") for name in view.inputs}
 
 
-def _drive_in_words(motion: str, driven: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the unit of the quantity that drives a sensor, and a description of its values."""
-    by = "then, by a monotone cubic between the stage's positions"
-    if driven.get("drives") == "depth":
-        return "mm", f"depth of the finger {by}"
-    return "deg", f"angle of {motion or 'the sensor'} {by}"
+def _drive_description(motion: str, settings: Mapping[str, Any]) -> tuple[str, str]:
+    """Return unit and description of the quantity that a stage drives."""
+    method = "at that time, by a monotone cubic between the positions of the stage"
+    if settings.get("drives") == "depth":
+        return "mm", f"depth of the finger {method}"
+    return "deg", f"angle of {motion or 'the sensor'} {method}"
 
 
-def _without_load_V(cell: LoadCell, columns: Columns, journaled: JournalContent) -> float:
-    """Return the voltage of a load cell without load: as stated, or its mean at rest before the first cycle.
+def _zero_V(cell: LoadCell, columns: Columns, journal: JournalContent) -> float:
+    """Return the voltage of a load cell without load: that in the rig file, or its mean at rest before the first cycle.
 
-    The result is NaN if unknown.
+    The result is NaN if neither is known.
     """
     if cell.zero_V is not None:
         return cell.zero_V
-    rest = next((event["t_s"] for event in journaled.events if event["what"] == "at rest"), math.inf)
-    ends = (event["t_s"] for event in journaled.events if event["what"] == "cycle" and event["t_s"] >= rest)
-    resting = columns[CELL][(columns["time_s"] >= rest) & (columns["time_s"] <= next(ends, math.inf))]
-    known = resting[np.isfinite(resting)]
+    rest = next((event["t_s"] for event in journal.events if event["what"] == "at rest"), math.inf)
+    ends = (event["t_s"] for event in journal.events if event["what"] == "cycle" and event["t_s"] >= rest)
+    at_rest = columns[CELL][(columns["time_s"] >= rest) & (columns["time_s"] <= next(ends, math.inf))]
+    known = at_rest[np.isfinite(at_rest)]
     return float(known.mean()) if known.size else math.nan
 
 
-def _overloaded(file: Any, journaled: JournalContent) -> list[Caution]:
-    """Warn of readings with the load cell at a limit of its input's range, or its voltage without load unknown."""
-    if journaled.header.get("load_cell") is None:
+def _without_force(file: Any, journal: JournalContent) -> list[Caution]:
+    """Warn of readings for which the load cell gives no force."""
+    if journal.header.get("load_cell") is None:
         return []
-    forces = [file.groups[view.name].variables["force_N"][...] for view in views_of(journaled.header)]
+    forces = [file.groups[view.name].variables["force_N"][...] for view in views_of(journal.header)]
     missing = int(np.isnan(np.concatenate(forces)).sum())
-    limit = "readings have no force: the load cell was at a limit of the input's range, or never recorded without load"
-    return [do_not_use(f"{missing} {limit}")] if missing else []
+    reason = "the load cell was at a limit of the input range, or its voltage without load was not recorded"
+    return [do_not_use(f"{missing} readings have no force: {reason}")] if missing else []
 
 
-_MADE = {True: "on less the mean of off before and after", False: "emitters being on all the time"}
-
-
-def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:
-    variable = create_variable(group, name, dims, values.shape, values.dtype, unit, text, 4 * AT_ONCE)
+def _write_variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:
+    variable = create_variable(group, name, dims, values.shape, values.dtype, unit, text, 4 * CHUNK_PERIODS)
     variable[...] = values

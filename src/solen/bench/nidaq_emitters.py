@@ -1,9 +1,9 @@
-"""Tasks of NI-DAQmx that switch emitters in step with the samples: with counters, or with digital lines.
+"""Tasks of NI-DAQmx that switch the emitters synchronously with the samples: with counters, or with digital lines.
 
-A counter generates pulses by itself from the first sample on; if a device supports it, lines follow the clock of the
-samples, sample by sample. Both then run without further commands.
+A counter generates pulses from the first sample on; on devices that support it, digital lines follow the sampling
+clock. Both then run without further commands.
 
-Public names: `pulses`, `turns` and `clear`.
+Public names: `counter_task`, `lines_task` and `clear`.
 """
 
 import contextlib
@@ -15,14 +15,14 @@ from solen.bench.daq import Setup
 from solen.bench.drivers import on_failure
 
 
-def pulses(ni: Any, device: str, setup: Setup, place: int, counter: str, terminal: str) -> tuple[Any, float]:
-    """Return the pulses for an emitter, on for the first half of its slot from the first sample, and their rate."""
+def counter_task(ni: Any, device: str, setup: Setup, emitter: int, counter: str, terminal: str) -> tuple[Any, float]:
+    """Return the task of a counter that switches an emitter on in the first half of its slot, and the rate."""
     constants, task = ni.constants, ni.Task()
     with on_failure(lambda: clear(task, ni)):
         channel = task.co_channels.add_co_pulse_chan_freq(
             f"{device}/{counter}",
             idle_state=constants.Level.LOW,
-            initial_delay=place / (setup.emitters * setup.switch_hz),
+            initial_delay=emitter / (setup.emitters * setup.switch_hz),
             freq=setup.switch_hz,
             duty_cycle=0.5 / setup.emitters,
         )
@@ -34,14 +34,14 @@ def pulses(ni: Any, device: str, setup: Setup, place: int, counter: str, termina
         return task, float(channel.co_pulse_freq)
 
 
-def turns(ni: Any, device: str, setup: Setup) -> Any:
-    """Return the task of lines that follow the clock of the samples: one second of switching, repeated."""
+def lines_task(ni: Any, device: str, setup: Setup) -> Any:
+    """Return the task of lines that follow the sampling clock: one second of switching, repeated."""
     constants, task = ni.constants, ni.Task()
     half = setup.frame // (2 * setup.emitters)
-    turn = np.zeros((setup.emitters, setup.frame), bool)
+    period = np.zeros((setup.emitters, setup.frame), bool)
     for emitter in range(setup.emitters):
-        turn[emitter, 2 * emitter * half : (2 * emitter + 1) * half] = True
-    pattern = np.tile(turn, max(1, round(setup.switch_hz)))
+        period[emitter, 2 * emitter * half : (2 * emitter + 1) * half] = True
+    pattern = np.tile(period, max(1, round(setup.switch_hz)))
     with on_failure(lambda: clear(task, ni)):
         for line in setup.lines:
             task.do_channels.add_do_chan(f"{device}/{line}", line_grouping=constants.LineGrouping.CHAN_PER_LINE)

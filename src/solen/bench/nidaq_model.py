@@ -1,10 +1,10 @@
 """Capabilities of a device of National Instruments, as its driver reports them.
 
-NI-DAQmx reports for each device its inputs and how they may be wired, its ranges and rates, whether inputs share a
-converter, its counters that generate pulses, and its static lines. The driver raises an error for a property that a
-device does not have; a default value replaces the error.
+NI-DAQmx reports for each device its inputs and their possible wirings, its ranges and rates, whether its inputs share
+an ADC, its counters that generate pulses, and its digital lines. The driver raises an error for a property that a
+device does not have; a default value is then used instead.
 
-Public names: `nidaqmx_package`, `model_of`, `answer_or`, `WIRED` and `no_driver`.
+Public names: `nidaqmx_package`, `model_of`, `property_or`, `TERMINALS` and `driver_error`.
 """
 
 import importlib
@@ -15,10 +15,10 @@ from solen.bench.daq import Model, Terminal
 from solen.errors import BenchError
 from solen.extras import need
 
-WIRED: dict[Terminal, str] = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}
+TERMINALS: dict[Terminal, str] = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}
 """Kinds of wiring, and their names in NI-DAQmx."""
-OUTPUTS = {"USB-621": {"ctr0": ("PFI4", "port1/line0"), "ctr1": ("PFI5", "port1/line1")}}
-"""Output terminals of counters, and the static line that drives each terminal afterwards (USB-621x user manual)."""
+COUNTER_OUTPUTS = {"USB-621": {"ctr0": ("PFI4", "port1/line0"), "ctr1": ("PFI5", "port1/line1")}}
+"""Output terminal of each counter, and the static line on that terminal, by model series (USB-621x user manual)."""
 _Value = TypeVar("_Value")
 
 
@@ -30,62 +30,64 @@ def nidaqmx_package() -> Any:
     return importlib.import_module("nidaqmx")
 
 
-def no_driver(bad: Exception) -> BenchError:
-    """Return the error if the driver itself is missing or broken."""
+def driver_error(bad: Exception) -> BenchError:
+    """Return the error for a driver that is missing, too old, or not supported by the system."""
     kind = type(bad).__name__
     if kind == "DaqNotSupportedError":
-        return BenchError(
-            "NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux that it supports"
-        )
-    if kind == "DaqFunctionNotSupportedError":
-        return BenchError("NI-DAQmx", limit="is too old for nidaqmx", remedy="install a newer NI-DAQmx from ni.com")
-    return BenchError("NI-DAQmx", limit="must be installed, and is not", remedy="get the driver from ni.com/downloads")
+        limit, remedy = "does not run on this system", "use Windows, or a Linux that it supports"
+    elif kind == "DaqFunctionNotSupportedError":
+        limit, remedy = "is too old for nidaqmx", "install a newer NI-DAQmx from ni.com"
+    else:
+        limit, remedy = "is not installed", "install the driver from ni.com/downloads"
+    return BenchError("NI-DAQmx", limit=limit, remedy=remedy)
 
 
 def model_of(device: Any, ni: Any) -> Model:
-    """Return the capabilities that a device of NI-DAQmx reports; empty if there are none."""
+    """Return the capabilities that a device of NI-DAQmx reports; zero or empty for properties that it does not have."""
 
-    def asked(nothing: _Value, ask: Callable[[], _Value]) -> _Value:
-        return answer_or(nothing, ask, ni)
+    def reported(default: _Value, read: Callable[[], _Value]) -> _Value:
+        return property_or(default, read, ni)
 
     product = str(device.product_type)
-    outputs = next((known for begin, known in OUTPUTS.items() if product.startswith(begin)), {})
-    no_names: list[str] = []
-    ends = asked(list[float](), lambda: list(device.ai_voltage_rngs))
-    counters = asked(no_names, lambda: device.co_physical_chans.channel_names)
-    rate = asked(0.0, lambda: float(device.ai_max_multi_chan_rate))
+    outputs = next((outputs for series, outputs in COUNTER_OUTPUTS.items() if product.startswith(series)), {})
+    limits = reported(list[float](), lambda: list(device.ai_voltage_rngs))
+    counters = reported(list[str](), lambda: list(device.co_physical_chans.channel_names))
+    lines = reported(list[str](), lambda: list(device.do_lines.channel_names))
+    rate = reported(0.0, lambda: float(device.ai_max_multi_chan_rate))
     return Model(
         name=product,
         rate_hz=rate,
-        alone_hz=asked(rate, lambda: float(device.ai_max_single_chan_rate)),
-        ranges_v=tuple(sorted(high for low, high in zip(ends[::2], ends[1::2], strict=True) if low == -high)),
+        single_hz=reported(rate, lambda: float(device.ai_max_single_chan_rate)),
+        ranges_v=tuple(sorted(high for low, high in zip(limits[::2], limits[1::2], strict=True) if low == -high)),
         inputs=_inputs(device, ni),
-        switches=tuple((name, *outputs.get(name, ("", ""))) for name in map(_of, counters) if name.startswith("ctr")),
-        lines=tuple(map(_of, asked(no_names, lambda: device.do_lines.channel_names))),
-        timed_hz=asked(0.0, lambda: float(device.do_max_rate)),
-        simultaneous=asked(False, lambda: bool(device.ai_simultaneous_sampling_supported)),
+        switches=tuple(
+            (name, *outputs.get(name, ("", ""))) for name in map(_short_name, counters) if name.startswith("ctr")
+        ),
+        lines=tuple(map(_short_name, lines)),
+        timed_hz=reported(0.0, lambda: float(device.do_max_rate)),
+        simultaneous=reported(False, lambda: bool(device.ai_simultaneous_sampling_supported)),
     )
 
 
-def answer_or(nothing: _Value, ask: Callable[[], _Value], ni: Any) -> _Value:
-    """Return a property from the driver, or a default if the device does not have it."""
+def property_or(default: _Value, read: Callable[[], _Value], ni: Any) -> _Value:
+    """Return a property that the driver reports, or a default if the device does not have it."""
     try:
-        return ask()
+        return read()
     except ni.errors.DaqError:
-        return nothing
+        return default
 
 
 def _inputs(device: Any, ni: Any) -> dict[Terminal, tuple[str, ...]]:
-    """Return the analog inputs by kind of wiring, without the kinds that have no inputs."""
-    channels = answer_or(list[Any](), lambda: list(device.ai_physical_chans), ni)
-    ways = {_of(channel.name): [way.name for way in channel.ai_term_cfgs] for channel in channels}
-    found = {
-        terminal: tuple(channel for channel, allowed in ways.items() if name in allowed)
-        for terminal, name in WIRED.items()
+    """Return the analog inputs for each kind of wiring, without the kinds that have no inputs."""
+    channels = property_or(list[Any](), lambda: list(device.ai_physical_chans), ni)
+    wirings = {_short_name(channel.name): [wiring.name for wiring in channel.ai_term_cfgs] for channel in channels}
+    inputs = {
+        terminal: tuple(channel for channel, possible in wirings.items() if name in possible)
+        for terminal, name in TERMINALS.items()
     }
-    return {terminal: names for terminal, names in found.items() if names}
+    return {terminal: names for terminal, names in inputs.items() if names}
 
 
-def _of(name: str) -> str:
-    """Return a channel's name without that of its device."""
+def _short_name(name: str) -> str:
+    """Return the name of a channel without that of its device."""
     return name.partition("/")[2]

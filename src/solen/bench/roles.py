@@ -1,9 +1,8 @@
-"""Roles of instruments: one interface for each, real or simulated.
+"""Roles of instruments, with an interface for each.
 
-A protocol runs on roles. A real and a simulated instrument implement the same interface, and only the rig file chooses
-between them.
+A real and a simulated instrument implement the same interface; only the rig file determines which is used.
 
-Public names: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter` and `Sampler`. Every call raises
+Public names: `Stage`, `HomingStage`, `EmitterBoard`, `ClockedBoard`, `Daq`, `Meter` and `Sampler`. Every call raises
 `BenchError` if the instrument does not do what is requested.
 """
 
@@ -18,7 +17,7 @@ from solen.bench.meter import MeterLosses, Reading
 
 
 class Stage(Protocol):
-    """One motion axis with known position; positions and velocities in its own unit."""
+    """An axis of motion with a known position; positions and velocities are in its unit."""
 
     name: str
 
@@ -27,10 +26,7 @@ class Stage(Protocol):
         """Unit of its positions."""
 
     def reference(self) -> None:
-        """Find the zero, unless it is known, and return when it is found.
-
-        A stage that moves to find it is a `Homes`.
-        """
+        """Find the zero, unless it is known, and return when it is found; a `HomingStage` moves for this."""
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move to a position at a velocity; `on_target` reports when it has arrived."""
@@ -39,7 +35,7 @@ class Stage(Protocol):
         """Return the position."""
 
     def on_target(self) -> bool:
-        """Whether the stage has come to rest at its target."""
+        """Whether the stage is at rest at its target."""
 
     def stop(self) -> None:
         """Stop at once."""
@@ -48,18 +44,18 @@ class Stage(Protocol):
         """Stop and release the instrument."""
 
 
-class Homes(Protocol):
-    """A stage that moves to find its zero, and states this before."""
+class HomingStage(Protocol):
+    """A stage that moves to find its zero."""
 
     name: str
 
     @property
     def referenced(self) -> bool:
-        """Whether the stage knows its zero."""
+        """Whether the stage has a zero."""
 
     @property
     def search(self) -> str:
-        """A sentence that states the range of the move that finds the zero."""
+        """Sentence for the operator: the homing move and its range."""
 
     def reference(self) -> None:
         """Find the zero."""
@@ -69,12 +65,12 @@ class Homes(Protocol):
 
 
 class EmitterBoard(Protocol):
-    """Instrument that switches the emitters on one after the other and samples the receivers, period after period.
+    """Instrument that in each period switches the emitters on one after the other and samples the receivers.
 
     Attributes
     ----------
     layout
-        Number of emitters and of receivers.
+        Numbers of emitters and of receivers.
     period_s
         Duration of a period in s.
     """
@@ -85,7 +81,7 @@ class EmitterBoard(Protocol):
 
     @property
     def volts_per_count(self) -> float:
-        """Size of one count in V, or in the unit of the rig's receivers."""
+        """Size of one count in V, or in the unit of the receiver signals."""
 
     @property
     def losses(self) -> Losses:
@@ -105,26 +101,23 @@ class EmitterBoard(Protocol):
 
 
 @runtime_checkable
-class KeepsTime(Protocol):
-    """A board that can be asked for its time, which bounds the clock's error better than received messages alone."""
+class ClockedBoard(Protocol):
+    """A board whose clock can be queried, which bounds the error of its times better than arrivals alone."""
 
     def time_s(self) -> float | None:
-        """Return the board's time in s, on the clock that stamps periods.
-
-        The result is NaN if its answer lacks it, None without an answer.
-        """
+        """Return the time in s of the clock that stamps periods; NaN if the reply lacks it, None without a reply."""
 
 
 @runtime_checkable
 class Daq(Protocol):
-    """Instrument that samples voltages at a rate.
+    """DAQ device: an instrument that samples voltages at a fixed rate.
 
     Attributes
     ----------
     setup
         Its settings.
     rate_hz, switch_hz
-        Samples of each channel, and pulses of its counters, per second, in the instrument's own clock.
+        Sampling rate of each channel, and switching frequency of each emitter, by the device's own clock.
     convert_s
         Interval between the samples of successive channels in s.
     """
@@ -144,13 +137,13 @@ class Daq(Protocol):
         """Losses since the start."""
 
     def start(self) -> None:
-        """Start sampling, and switching the emitters if the instrument drives them."""
+        """Start sampling, and switching the emitters if the device drives them."""
 
     def read(self) -> Samples:
         """Return the samples since the last call."""
 
     def stop(self) -> None:
-        """Switch the emitters off if the instrument drives them, and stop sampling."""
+        """Switch the emitters off if the device drives them, and stop sampling."""
 
     def close(self) -> None:
         """Stop and release the instrument."""
@@ -165,7 +158,7 @@ class Meter(Protocol):
     inputs, unit
         Number of inputs, and the unit of their readings.
     switched
-        Whether readings distinguish on and off; otherwise light is steady.
+        Whether readings distinguish on and off; otherwise the light is steady.
     """
 
     name: str
@@ -175,7 +168,7 @@ class Meter(Protocol):
 
     @property
     def losses(self) -> MeterLosses:
-        """Missing readings."""
+        """Failed readings since the meter was opened."""
 
     def start(self) -> None:
         """Start measuring."""

@@ -1,4 +1,4 @@
-"""Files to start from: protocols, simulated rigs with their designs, and files for a network's own design."""
+"""Files to start from: protocols and simulated rigs with their designs, and a rig and protocols for a network."""
 
 from importlib.resources import files as resources
 from typing import Any
@@ -19,31 +19,33 @@ SHIPPED = {
     "press": "press",
     "rig-press": "simulated-press",
 }
-"""Files to start from, and the shipped source of each."""
+"""Shipped source of each file to start from, keyed by its name."""
 CHIP_MM = 0.2
-"""Width of the chip in mm in the shipped rigs' designs: the response of a point emitter saturates within a degree."""
+"""Width of the chip in mm in the designs of the shipped rigs; with a point emitter the response saturates within a
+degree.
+"""
 DESIGNS: dict[str, tuple[str, dict[str, Any]]] = {
     "sensor": ("paper-860", {"emitter.width_mm": CHIP_MM}),
     "sensor-bending": ("paper-860", {"emitter.width_mm": CHIP_MM, "motion.kind": "bend"}),
     "sensor-press": ("press-860", {"emitter.width_mm": CHIP_MM}),
 }
-"""Designs of the shipped rigs: their templates, and the values that differ from these."""
+"""Template of each design of the shipped rigs, and the values that differ from it, keyed by the name of the file."""
 
 
 def starter_files() -> dict[str, str]:
-    """Return protocols, rigs and designs to start from, by the name of the file without its extension."""
+    """Return protocols, rigs and designs to start from, keyed by the name of the file without its extension."""
     folder = resources("solen.bench") / "examples"
     texts = {name: (folder / f"{shipped}.toml").read_text(encoding="utf-8") for name, shipped in SHIPPED.items()}
-    designs = {name: dumps(with_values(loads(template(one)), values)) for name, (one, values) in DESIGNS.items()}
+    designs = {name: dumps(with_values(loads(template(base)), values)) for name, (base, values) in DESIGNS.items()}
     return texts | designs
 
 
-MAX_STATES, SCATTER, VISITS = 25, 200, 12
-"""Largest number of combinations of positions in a plan for a calibration; states scattered between them; states of a
-second plan.
+MAX_COMBINATIONS, SCATTER, VISITS = 25, 200, 12
+"""Largest number of combinations of positions in the protocol for a calibration, number of states scattered between
+them, and number of states in the protocol that checks the calibration.
 """
-_RIG = """# A simulated rig for {name}: emitters of the board and its inputs by the design's names, a stage for each
-# motion.
+_RIG = """# A simulated rig for {name}: the board's emitters and inputs, keyed by the names in the design, and
+# a stage for each motion.
 schema = 1
 name = "rig of {name}"
 seed = 1
@@ -51,7 +53,7 @@ seed = 1
 {stages}
 [board]
 rate_hz = 200.0
-trim_v = 1.0    # voltage to which each receiver's trimmer sets its brightest reading
+trim_v = 1.0    # voltage to which the trimmer of each receiver sets its brightest reading
 
 [[sensor]]
 name = "network"
@@ -60,15 +62,15 @@ emitters = {{{emitters}}}
 inputs = {{{inputs}}}
 
 [spread]
-parts = true    # receivers and emitters vary within the tolerances of their datasheets
+parts = true    # receivers and emitters vary within the tolerances in their datasheets
 
 [ambient]
 mean_mw_cm2 = 0.02
 flicker_percent = 30.0
 flicker_hz = 100.0
 """
-_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some positions,
-# and many that are scattered between them, which show what a grid alone would miss.
+_STATES = """# States for a calibration, each held long enough for an average: every combination of some positions,
+# and many states scattered between them, which show how the response varies between the positions.
 schema = 1
 name = "states"
 
@@ -78,9 +80,9 @@ velocity_deg_per_s = 15.0
 hold_s = 0.3
 
 [grid.to_deg]
-{places}
+{positions}
 """
-_VISITS = """# States drawn at random, with which a calibration can be compared.
+_VISITS = """# Random states, with which a calibration can be checked.
 schema = 1
 name = "visits"
 
@@ -94,22 +96,27 @@ hold_s = 0.3
 
 
 def network_files(design: Design, file: str) -> dict[str, str]:
-    """Return a simulated rig of a network, a plan for its calibration and one to check it; ``file`` names the design.
+    """Return a simulated rig for a network, a protocol for its calibration and one for a check.
 
-    Raises `SpecError` if the design is not a network, or has no motion.
+    ``file`` is the path of the design. Raises `SpecError` if the design is not a network, or has no motion.
     """
     network = design.network
     if design.body.kind != "network":
-        limit = "is not a network, whose rig has a stage for each motion"
-        raise SpecError("body.kind", value=design.body.kind, limit=limit, remedy="leave --design out")
+        limit = "must be network: only its rig has a stage for each motion"
+        raise SpecError("body.kind", value=design.body.kind, limit=limit, remedy="omit --design")
     if not network.motion:
-        raise SpecError("network.motion", limit="missing: nothing moves", remedy="add [[network.motion]]")
-    wired = {key: _numbered([one.name for one in getattr(network, key)]) for key in ("emitters", "receivers")}
-    stages = "".join(f"[stages.{motion.name}]\n" for motion in network.motion)
-    rig = {"name": design.name.replace('"', "'"), "file": file, "stages": stages}
+        raise SpecError("network.motion", limit="is missing: nothing moves", remedy="add [[network.motion]]")
+    rig = _RIG.format(
+        name=design.name.replace('"', "'"),
+        file=file,
+        stages="".join(f"[stages.{motion.name}]\n" for motion in network.motion),
+        emitters=_numbered([emitter.name for emitter in network.emitters]),
+        inputs=_numbered([receiver.name for receiver in network.receivers]),
+    )
+    positions, scatter = "\n".join(_positions(network)), SCATTER * (1 + len(network.motion)) // 3
     return {
-        "rig": _RIG.format(**rig, emitters=wired["emitters"], inputs=wired["receivers"]),
-        "states": _PLAN.format(places="\n".join(_places(network)), scatter=SCATTER * (1 + len(network.motion)) // 3),
+        "rig": rig,
+        "states": _STATES.format(positions=positions, scatter=scatter),
         "visits": _VISITS.format(steps="\n".join(_visits(network))),
     }
 
@@ -118,14 +125,14 @@ def _numbered(names: list[str]) -> str:
     return ", ".join(f"{name} = {number}" for number, name in enumerate(names, 1))
 
 
-def _places(network: Network) -> list[str]:
-    """Return positions of each motion over its range, both ends included, with a limited number of combinations."""
-    most = max(2, int(MAX_STATES ** (1.0 / len(network.motion)) + 1e-9))
-    rows = []
+def _positions(network: Network) -> list[str]:
+    """Return a line with positions of each motion over its range, both ends included; combinations are limited."""
+    most = max(2, int(MAX_COMBINATIONS ** (1.0 / len(network.motion)) + 1e-9))
+    lines = []
     for motion in network.motion:
-        places = np.linspace(motion.from_deg, motion.to_deg, min(motion.steps + 1, most))
-        rows.append(f"{motion.name} = [{', '.join(f'{place:.6g}' for place in places.tolist())}]")
-    return rows
+        positions = np.linspace(motion.from_deg, motion.to_deg, min(motion.steps + 1, most)).tolist()
+        lines.append(f"{motion.name} = [{', '.join(f'{position:.6g}' for position in positions)}]")
+    return lines
 
 
 def _visits(network: Network) -> list[str]:
@@ -133,5 +140,5 @@ def _visits(network: Network) -> list[str]:
     low, high = np.array([(motion.from_deg, motion.to_deg) for motion in network.motion]).T
     states = np.round(rng.uniform(low, high, (VISITS, len(network.motion))), 3).tolist()
     names = [motion.name for motion in network.motion]
-    rows = (", ".join(f"{name} = {place:g}" for name, place in zip(names, state, strict=True)) for state in states)
-    return [_STEP.format(to=row) for row in rows]
+    targets = (", ".join(f"{name} = {angle:g}" for name, angle in zip(names, state, strict=True)) for state in states)
+    return [_STEP.format(to=target) for target in targets]

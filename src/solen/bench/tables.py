@@ -20,7 +20,7 @@ T = TypeVar("T", bound=BenchTable)
 
 
 def load_table(path: Path, kind: type[T]) -> T:
-    """Return the tables of a file; raise `BenchError` if it cannot be read, or is of another kind."""
+    """Return the tables of a file; raise `BenchError` if it cannot be read or is invalid."""
     data = parse_toml(read_text(path, BenchError), str(path), BenchError)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
     with error_context(str(path)):

@@ -1,17 +1,17 @@
 """An angle from a video: a marker on the rotating part, recorded with any fixed camera.
 
-The angle is read picture by picture (`solen.bench.marker`), at the time stamps of the pictures, even if they are
-irregular. If the video shows the emitters switching on as a run begins, that moment is the recording's start; otherwise
-the clock offset is stated, or left to analysis, which determines the lag of a log from the signals.
+The angle is measured in each frame (`solen.bench.marker`), at the time stamps of the frames, even if they are
+irregular. If the video shows the emitters switching on as a run begins, that moment is the start of the recording;
+otherwise the offset between the clocks is specified, or left to the analysis, which determines the lag of a motion log
+from the signals.
 
-The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an exposure. Both delay all
-pictures equally, as a lag of the log.
+The timing errors of the camera remain: the rolling shutter, and a time stamp at any moment of the exposure. Both delay
+all frames alike, which is a lag of the log.
 
 Public names: `motion_of`, `VideoOptions` and `VideoMotion`.
 """
 
 import os
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from solen.arrays import FloatArray
-from solen.bench.marker import Dictionary, Finder, refined, turns
+from solen.bench.marker import MIN_PX, Dictionary, MarkerFinder, refined, rotation_of
 from solen.errors import DataError, SpecError
 from solen.extras import need
 from solen.files import check_seal
@@ -30,71 +30,71 @@ from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
 MIN_FRAMES = 16
-"""Smallest number of pictures that show the marker."""
+"""Smallest number of frames that must show the marker."""
 GAP = 1.5
-"""Multiple of the median interval above which pictures are missing."""
+"""Multiple of the median interval above which frames are missing."""
 UNEVEN = 0.02
-"""Fraction of the median interval by which intervals may vary without a warning."""
-BEGIN_S = 0.5
-"""Initial duration whose mean angle is the zero."""
-_MIN_REST_FRAMES = 4  # least number of pictures that show whether the marker is at rest
-_MOVED = 3.0  # difference between both halves of the beginning, in uncertainties, above which it moves
-CONTRAST = 6.0
-"""Smallest ratio of a glow to its noise."""
+"""Fraction of the median interval by which intervals may vary without a note."""
+ZERO_S = 0.5
+"""Duration in s at the beginning of a video whose median angle is the zero."""
+_MIN_ZERO_FRAMES = 4  # frames needed to determine whether the marker is at rest
+_MAX_SHIFT = 3.0  # shift between the halves of this beginning, in uncertainties, above which the marker moves
+MIN_GLOW = 6.0
+"""Smallest ratio of the glow to its noise."""
 
 
 class VideoOptions(Options):
-    """How an angle is read from a video, and the clock on which its times are put."""
+    """How an angle is measured in a video, and the clock of its times."""
 
     dictionary: Dictionary = "4x4"
     """Family of the marker: ArUco by its number of cells, or AprilTag."""
     marker: Annotated[int, Field(ge=0)] | None = None
     """Number of the marker; default: the only one in the video."""
     glow: tuple[int, int, int, int] | None = None
-    """Area that shows the emitters' light: left, top, width, height in pixels. Time 0 is when they switch on."""
+    """Region that shows the emitters' light: left, top, width, height in pixels. Time 0 is when they switch on."""
     recording: Path | None = None
-    """With --glow: recording of solen bench run that began with it, on whose clock the times are put."""
+    """With --glow: recording that starts when the emitters switch on; the times are then on its clock."""
     offset_s: float | None = None
     """Time of the recording minus that of the video, if it is known."""
     readout_ms: Annotated[float, Field(ge=0, le=200)] = 0.0
-    """Time from the readout of a picture's first row to that of its last (a rolling shutter)."""
+    """Time from the readout of the first row of a frame to that of the last (rolling shutter)."""
 
 
 class VideoMotion(Result):
-    """A marker's angle over time.
+    """The angle of a marker over time.
 
     Attributes
     ----------
     path
         The video.
     marker
-        The marker's number.
-    pictures, without, ambiguous
-        Number of pictures, of those without a usable marker, and of those that show it more than once.
+        Number of the marker.
+    frames, without, ambiguous
+        Number of frames, of those without a usable marker, and of those that show it more than once.
     rate_hz
-        Pictures per second, from the typical interval.
+        Frames per second, from the median interval.
     longest_gap_s
         Longest time without an angle.
     low_deg, high_deg
         Range of the angle.
     u_angle_deg
-        Standard uncertainty of an angle: the larger of those from the corners' misfit and from the variation between
-        pictures; including that of the zero, if the marker moves at the beginning.
+        Standard uncertainty of an angle: the larger of those from the residuals of the corners and from the variation
+        from frame to frame, combined with that of the zero if the marker moves at the beginning.
     misfit_px
-        Root mean square deviation of corner coordinates from a square in a plane.
+        RMS deviation of the corner coordinates from those of a square in a plane.
     glow_s
         Times of the video at which the emitters switched on and off; empty without --glow.
     u_start_s
-        Standard uncertainty of the first: uniform over an interval.
+        Standard uncertainty of the first of these: that of a uniform distribution over one frame interval.
     time_s, angle_deg
-        The motion, (N,); counter-clockwise is positive, and 0 is the marker's initial angle.
+        The motion, (N,); counter-clockwise is positive, and 0 is the initial angle of the marker.
     warnings
-        Warnings.
+        Ranked warnings.
     """
 
     path: Path = field(metadata=HIDDEN)
     marker: int
-    pictures: int
+    frames: int
     without: int
     ambiguous: int
     rate_hz: float
@@ -120,12 +120,12 @@ class VideoMotion(Result):
 
 
 @dataclass
-class _Seen:
-    """Content of pictures: times, the glow's brightness, and the corners of the marker if it is visible."""
+class _Detections:
+    """Time and glow of each frame, and the frames with the marker: their indices, and its corners."""
 
     time_s: list[float] = field(default_factory=list)
     glow: list[float] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
     corners: list[FloatArray] = field(default_factory=list)
     ambiguous: int = 0
     height: int = 1
@@ -137,39 +137,39 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     Raises
     ------
     DataError, SpecError
-        If the video cannot be read, shows no marker or several, or options are contradictory.
+        If the video cannot be read, shows no marker or several, or options contradict each other.
     """
     _check(options)
-    number, seen = _looked(path, options)
+    number, detected = _detect(path, options)
     warnings: list[Caution] = []
-    stamped = _times(np.array(seen.time_s), warnings)
-    found = turns(np.array(seen.corners))
-    time_s = stamped[seen.places] + 1e-3 * options.readout_ms * found.row / seen.height
+    stamps = np.array(detected.time_s)
+    _check_stamps(stamps, warnings)
+    rotation = rotation_of(np.array(detected.corners))
+    time_s = stamps[detected.frames] + 1e-3 * options.readout_ms * rotation.row / detected.height
     if options.readout_ms == 0.0:
-        warnings.append(
-            note("a rolling shutter and the exposure delay the angle by up to one interval, which is a lag of the log")
-        )
-    begin = slice(max(_MIN_REST_FRAMES, int(np.sum(time_s <= time_s[0] + BEGIN_S))))
-    angle = found.angle_deg - np.median(found.angle_deg[begin])
-    own_u_deg = max(found.u_angle_deg, _scatter(angle))
-    interval = float(np.median(np.diff(stamped)))
-    missing = len(stamped) - len(seen.places) - seen.ambiguous
-    if missing or seen.ambiguous:
-        shown = f"{missing} pictures show no usable marker, {seen.ambiguous} show it twice"
-        warnings.append(warning(shown))
-    glow_s = _glow(stamped, np.array(seen.glow)) if options.glow is not None else ()
+        delay = "a rolling shutter and the exposure delay the angle by up to one frame interval, as a lag of the log"
+        warnings.append(note(delay))
+    begin = slice(max(_MIN_ZERO_FRAMES, int(np.sum(time_s <= time_s[0] + ZERO_S))))
+    angle = rotation.angle_deg - np.median(rotation.angle_deg[begin])
+    u_deg = max(rotation.u_angle_deg, _scatter(angle))
+    interval = float(np.median(np.diff(stamps)))
+    without = len(stamps) - len(detected.frames) - detected.ambiguous
+    if without or detected.ambiguous:
+        omitted = f"{without} frames without a usable marker and {detected.ambiguous} that show it twice are omitted"
+        warnings.append(warning(omitted))
+    glow_s = _glow(stamps, np.array(detected.glow)) if options.glow is not None else ()
     return VideoMotion(
         path,
         number,
-        pictures=len(stamped),
-        without=missing,
-        ambiguous=seen.ambiguous,
+        frames=len(stamps),
+        without=without,
+        ambiguous=detected.ambiguous,
         rate_hz=1.0 / interval,
         longest_gap_s=float(np.diff(time_s).max()),
         low_deg=float(angle.min()),
         high_deg=float(angle.max()),
-        u_angle_deg=float(np.hypot(own_u_deg, _u_zero(angle[begin], own_u_deg, warnings))),
-        misfit_px=found.misfit_px,
+        u_angle_deg=float(np.hypot(u_deg, _u_zero(angle[begin], u_deg, warnings))),
+        misfit_px=rotation.misfit_px,
         glow_s=glow_s,
         u_start_s=interval / np.sqrt(12.0) if glow_s else None,
         time_s=time_s + _offset(options, glow_s, interval, warnings),
@@ -180,138 +180,136 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
 
 def _check(options: VideoOptions) -> None:
     if options.glow is not None and options.offset_s is not None:
-        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="use one of the two")
+        raise SpecError("--offset-s", limit="cannot be combined with --glow", remedy="specify one of the two")
     if options.recording is not None and options.glow is None:
-        raise SpecError("--recording", limit="needs --glow, which shows when it began", remedy="or give --offset-s")
+        limit = "requires --glow, which shows when the recording began"
+        raise SpecError("--recording", limit=limit, remedy="add --glow, or use --offset-s instead")
 
 
-def _pictures(path: Path) -> Iterator[tuple[float, FloatArray]]:
-    """Time in s and grey levels of each picture."""
+def _frames(path: Path) -> Iterator[tuple[float, FloatArray]]:
+    """Yield the time stamp in s and the grey levels of each frame."""
     need("cv2", what=str(path), doing="reading a video", error=DataError)
     import cv2
 
     if not path.is_file():
-        raise DataError(str(path), limit="no such file")
+        raise DataError(str(path), limit="does not exist", remedy="check the path")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # errors are reported in one line
     video = cv2.VideoCapture(str(path))
     try:
         if not video.isOpened():
             raise DataError(str(path), limit="is not a video that OpenCV can read", remedy="convert it to MP4 (H.264)")
         while True:
-            there, picture = video.read()
-            if not there:
+            available, frame = video.read()
+            if not available:
                 return
-            grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+            grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
             yield 1e-3 * float(video.get(cv2.CAP_PROP_POS_MSEC)), np.asarray(grey, float)
     finally:
         video.release()
 
 
-def _looked(path: Path, options: VideoOptions) -> tuple[int, _Seen]:
-    """Return the marker's number, and the content of the pictures."""
-    finder, seen, numbers = Finder(options.dictionary), _Seen(), Counter[int]()
-    one = options.marker
-    for time_s, picture in _pictures(path):
-        seen.time_s.append(time_s)
+def _detect(path: Path, options: VideoOptions) -> tuple[int, _Detections]:
+    """Return the number of the marker, and what is detected in the frames."""
+    finder, detected, numbers = MarkerFinder(options.dictionary), _Detections(), set[int]()
+    marker = options.marker
+    for time_s, frame in _frames(path):
+        detected.time_s.append(time_s)
         if options.glow is not None:
-            seen.glow.append(_mean(picture, options.glow))
-        markers = finder(picture)
-        numbers.update({number for number, _ in markers})
-        if one is None and markers:
-            one = _only(path, [number for number, _ in markers])
-        mine = [corners for number, corners in markers if number == one]
-        if len(mine) > 1:
-            seen.ambiguous += 1
-        elif mine and (corners := refined(picture, mine[0])) is not None:
-            seen.places.append(len(seen.time_s) - 1)
-            seen.corners.append(corners)
-        seen.height = len(picture)
-    if one is None or len(seen.places) < MIN_FRAMES:
-        raise _not_seen(path, options, seen, numbers)
-    return one, seen
+            detected.glow.append(_mean(frame, options.glow))
+        markers = finder(frame)
+        numbers.update(number for number, _ in markers)
+        if marker is None and markers:
+            marker = _only_number(path, [number for number, _ in markers])
+        candidates = [corners for number, corners in markers if number == marker]
+        if len(candidates) > 1:
+            detected.ambiguous += 1
+        elif candidates and (corners := refined(frame, candidates[0])) is not None:
+            detected.frames.append(len(detected.time_s) - 1)
+            detected.corners.append(corners)
+        detected.height = len(frame)
+    if marker is None or len(detected.frames) < MIN_FRAMES:
+        raise _not_detected(path, options, detected, numbers)
+    return marker, detected
 
 
-def _only(path: Path, numbers: list[int]) -> int:
+def _only_number(path: Path, numbers: list[int]) -> int:
     if len(set(numbers)) > 1:
         limit = f"shows markers {', '.join(map(str, sorted(set(numbers))))}"
-        raise DataError(str(path), limit=limit, remedy="choose the rotating one with --marker")
+        raise DataError(str(path), limit=limit, remedy="specify the rotating one with --marker")
     return numbers[0]
 
 
-def _not_seen(path: Path, options: VideoOptions, seen: _Seen, numbers: Counter[int]) -> DataError:
+def _not_detected(path: Path, options: VideoOptions, detected: _Detections, numbers: set[int]) -> DataError:
     what = f"marker {options.marker}" if options.marker is not None else f"{options.dictionary} marker"
-    limit = f"shows a usable {what} in {len(seen.places)} of {len(seen.time_s)} pictures; {MIN_FRAMES} are needed"
+    frames = f"{len(detected.frames)} of {len(detected.time_s)} frames"
+    limit = f"shows a usable {what} in {frames}; {MIN_FRAMES} are needed"
     others = ", ".join(str(number) for number in sorted(numbers) if number != options.marker)
-    remedy = (
-        f"it shows {others}"
-        if others
-        else "check that it is sharp and has a white border and 24 pixels or more; see --dictionary"
-    )
+    remedy = f"check that it is sharp and has a white border and {MIN_PX:g} pixels or more, or specify --dictionary"
+    if others:
+        remedy = f"specify --marker: the video shows {others}"
     return DataError(str(path), limit=limit, remedy=remedy)
 
 
-def _mean(picture: FloatArray, region: tuple[int, ...]) -> float:
+def _mean(frame: FloatArray, region: tuple[int, ...]) -> float:
     left, top, width, height = region
-    inside = picture[max(top, 0) : top + height, max(left, 0) : left + width]
+    inside = frame[max(top, 0) : top + height, max(left, 0) : left + width]
     if min(left, top) < 0 or inside.shape != (height, width) or inside.size == 0:
-        limit = f"must be within the picture of {picture.shape[1]} by {picture.shape[0]} pixels"
+        limit = f"must be within the frame of {frame.shape[1]} by {frame.shape[0]} pixels"
         raise SpecError("--glow", value=" ".join(map(str, region)), limit=limit)
     return float(inside.mean())
 
 
-def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
-    """Return the time stamps of the pictures, with warnings about irregularities."""
+def _check_stamps(stamps: FloatArray, warnings: list[Caution]) -> None:
+    """Warn of irregular time stamps; raise `DataError` if they are not in ascending order."""
     steps = np.diff(stamps)
     if len(steps) == 0 or not (steps > 0.0).all():
-        limit = "has pictures whose times do not increase"
+        limit = "the time stamps of its frames must be in ascending order"
         raise DataError("video", limit=limit, remedy="convert it, for example to MP4")
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]
     if len(gaps):
-        warnings.append(warning(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: pictures were dropped"))
+        warnings.append(warning(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: frames were dropped"))
     spread = float(np.std(steps[steps <= GAP * usual]))
     if spread > UNEVEN * usual:
-        vary = f"intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
-        warnings.append(note(f"the video's {vary}: the times are its own stamps"))
-    return stamps
+        varying = f"frame intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
+        warnings.append(note(f"{varying}; each angle is at the time stamp of its frame"))
 
 
 def _scatter(angle: FloatArray) -> float:
-    """Return the noise of an angle from second differences, most of which are at rest or in steady motion."""
-    bends = np.diff(angle, 2)
-    return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0))
+    """Return the noise of an angle from its second differences, most of which are at rest or in uniform motion."""
+    return float(1.4826 * np.median(np.abs(np.diff(angle, 2))) / np.sqrt(6.0))
 
 
 def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
-    """Return the uncertainty of the initial zero: 0 if the marker is at rest, else uniform over its motion."""
+    """Return the uncertainty of the zero: 0 if the marker is at rest at the beginning, else uniform over its motion."""
     half = len(angle) // 2
-    moved = float(np.median(angle[-half:]) - np.median(angle[:half]))
+    shift = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))
-    if max(abs(moved), spread) <= _MOVED * u_deg:
+    if max(abs(shift), spread) <= _MAX_SHIFT * u_deg:
         return 0.0
-    way = float(np.abs(angle).max())
+    largest = float(np.abs(angle).max())
     warnings.append(
         do_not_use(
-            f"the marker moves in the first {BEGIN_S:g} s, by {np.ptp(angle):.2g}°, and all angles are relative to "
-            f"its mean there: their zero is uncertain by up to {way:.2g}°; "
-            f"begin the video {BEGIN_S:g} s before the motion"
+            f"the marker moves by {np.ptp(angle):.2g}° in the first {ZERO_S:g} s, whose median angle is the zero of "
+            f"all angles: the zero is uncertain by up to {largest:.2g}°; begin the video {ZERO_S:g} s before the motion"
         )
     )
-    return way / float(np.sqrt(3.0))
+    return largest / float(np.sqrt(3.0))
 
 
 def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
-    """Return the times at which the emitters switch on, and off if visible.
+    """Return the times at which the emitters switch on, and off if the video shows it.
 
-    Raises `DataError` if no glow is detected.
+    Raises `DataError` if no glow is detected, or if the emitters are on from the beginning.
     """
     low, high = np.percentile(level, [2, 98])
     noise = 1.4826 * float(np.median(np.abs(np.diff(level)))) / np.sqrt(2.0)
     lit = level > 0.5 * (low + high)
-    if high - low < max(CONTRAST * noise, 1.0) or lit[0]:
-        limit = "begins with the glow on" if high - low >= max(CONTRAST * noise, 1.0) else "shows no glow in this area"
-        remedy = "begin the video before the run, and name an area that shows the emitters, with --glow"
-        raise DataError("video", limit=limit, remedy=remedy)
+    if high - low < max(MIN_GLOW * noise, 1.0):
+        remedy = "specify a region that shows the light of the emitters with --glow"
+        raise DataError("video", limit="shows no glow in this region", remedy=remedy)
+    if lit[0]:
+        raise DataError("video", limit="begins with the emitters on", remedy="begin the video before the run")
     on, last = int(np.argmax(lit)), len(lit) - 1 - int(np.argmax(lit[::-1]))
     times = [0.5 * (time_s[on - 1] + time_s[on])]
     if last < len(lit) - 1:
@@ -325,21 +323,21 @@ def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float,
         return options.offset_s or 0.0
     if options.recording is None:
         return -glow_s[0]
-    begin_s, end_s = _lit(options.recording)
+    begin_s, end_s = _recorded_span(options.recording)
     if len(glow_s) == 2:
-        off_s = (glow_s[1] - glow_s[0]) - (end_s - begin_s)
-        if abs(off_s) > 2.0 * interval_s + 0.1:
-            longer = (
-                f"emitters are visible for {glow_s[1] - glow_s[0]:.2f} s, and the recording lasts "
-                f"{end_s - begin_s:.2f} s: check that it belongs to this video; "
-                "pictures dropped without a trace shift all later ones"
+        lit_s, recorded_s = glow_s[1] - glow_s[0], end_s - begin_s
+        if abs(lit_s - recorded_s) > 2.0 * interval_s + 0.1:
+            warnings.append(
+                warning(
+                    f"the emitters are visible for {lit_s:.2f} s, and the recording lasts {recorded_s:.2f} s; check "
+                    "that it belongs to this video, and that no frames were dropped"
+                )
             )
-            warnings.append(warning(longer))
     return begin_s - glow_s[0]
 
 
-def _lit(path: Path) -> tuple[float, float]:
-    """Return the times at which a recording's emitters were switched on and off."""
+def _recorded_span(path: Path) -> tuple[float, float]:
+    """Return the first and the last time of a recording, at which its emitters were switched on and off."""
     need("h5netcdf", what=str(path), doing="reading a recording", error=DataError)
     import h5netcdf
 
@@ -349,5 +347,5 @@ def _lit(path: Path) -> tuple[float, float]:
             times = file.variables["time_s"]
             return float(times[0]), float(times[-1])
     except (OSError, KeyError, IndexError):
-        limit, remedy = "contains no times in its root", "name a recording of solen bench run"
+        limit, remedy = "has no times in its root group", "specify a recording of solen bench run"
         raise DataError(str(path), limit=limit, remedy=remedy) from None

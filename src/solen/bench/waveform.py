@@ -1,11 +1,11 @@
-"""A data acquisition's samples on their way from a journal into a file, and from the file into readings.
+"""The samples of a DAQ device, copied from a journal to a file, and the readings computed from them.
 
-Samples may need far more space than the memory has. They are copied from the journal into the file as counts, record by
-record; then the file is read again window by window, and the emitters' phases and the readings are determined in each.
-Windows overlap, and each yields the readings after the last one of the window before. Therefore none is lost or doubled
-at a border, even though the two windows differ slightly in the position of an edge.
+Samples may need far more space than the memory has. They are copied from the journal to the file as counts, record by
+record; then the file is read again window by window, and the emitter phases and the readings are determined in each.
+Windows overlap, and each yields the readings after the last one of the window before: none is lost or repeated at a
+border, even though the edges found in two windows differ slightly.
 
-`Waveform` requires a file and a journal; `Waveform.readings` yields readings by sensor.
+Public names: `Waveform`, whose `Waveform.readings` yields the readings of each sensor, and `create_variable`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,11 +18,11 @@ import numpy as np
 from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
-from solen.bench.daq import Setup, ends_of, volts_of
-from solen.bench.journal_content import JournalContent
-from solen.bench.phases import clock_of, seen_by, states
+from solen.bench.daq import Setup, limits_of, volts_of
+from solen.bench.journal_content import JournalContent, Rows
+from solen.bench.phases import clock_channels, clock_of, states
 from solen.bench.readings import View, inputs_of
-from solen.bench.timing import came_by, exchanges
+from solen.bench.timing import exchanges, latest_arrival_s
 from solen.errors import DataError
 from solen.ranks import Caution, warning
 
@@ -31,12 +31,12 @@ WINDOW_S = 10.0
 CHUNK = 1 << 14
 """Number of samples that are compressed together."""
 OVERLAP = 4
-"""Number of frames, one period each, by which a window extends beyond its borders."""
+"""Number of frames, of about one period each, by which a window extends beyond its borders."""
 
 
 @dataclass(frozen=True)
-class _Stretch:
-    """Frames without a gap: first and last index, the line of their clock, and the number of the segment of the run."""
+class _Segment:
+    """Frames without a gap: begin and end index, the line of their clock, and a name from part and segment."""
 
     begin: int
     end: int
@@ -45,131 +45,133 @@ class _Stretch:
 
 
 class Waveform:
-    """Samples of a journal, written to a file unchanged.
+    """The samples of a journal, copied to a file.
 
     Parameters
     ----------
     file
-        An open netCDF file, whose root receives ``counts``.
-    journaled
+        An open netCDF file; ``counts`` are written to its root group.
+    journal
         The journal.
 
     Attributes
     ----------
-    part, stretch, number
-        For each frame, shape (F,): part of the run, gapless segment, number of its first sample in that segment.
+    part, segment, number
+        For each frame, (F,): part of the run, gapless segment, and index of its first sample in that segment.
     time_s
-        Time of each frame's first sample on the clock of the run, shape (F,).
-    remarks
-        Windows that gave no readings, and the reason.
+        Time of the first sample of each frame on the clock of the run, (F,).
+    cautions
+        Warnings of windows without readings, with the reason.
     """
 
-    def __init__(self, file: Any, journaled: JournalContent) -> None:
-        self._header, daq = journaled.header, journaled.header["daq"]
+    def __init__(self, file: Any, journal: JournalContent) -> None:
+        self._header, daq = journal.header, journal.header["daq"]
         self._setup = Setup(**daq["setup"] | {"channels": tuple(daq["setup"]["channels"])})
         self._rate_hz, self._switch_hz, self._convert_s = daq["rate_hz"], daq["switch_hz"], daq["convert_s"]
         self._coefficients = np.array(daq["coefficients"])
-        self._limits = ends_of(self._coefficients, daq.get("limits_V"))
-        self.remarks: list[Caution] = []
-        frames = journaled.counts["samples"]
-        self.part, self.stretch = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
+        self._limits = limits_of(self._coefficients, daq.get("limits_V"))
+        self.cautions: list[Caution] = []
+        frames = journal.counts["samples"]
+        self.part, self.segment = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
         self.number, self.time_s = np.zeros(frames, np.int64), np.zeros(frames)
         shape = frames * self._setup.frame, len(self._setup.channels)
         file.dimensions = {"sample": shape[0], "channel": shape[1]}
-        text = "samples as the converter counts; volts are the sum of coefficients times powers of them"
+        text = "ADC counts; volts = sum of coefficients * counts^power"
         self._counts = create_variable(file, "counts", ("sample", "channel"), shape, np.int16, "1", text, CHUNK)
         self._counts.attrs["channels"] = " ".join(self._setup.channels)
-        self._fill(journaled)
-        self._stretches = list(self._lined(journaled))
+        self._copy(journal)
+        self._segments = list(self._find_segments(journal))
 
     @property
     def lines(self) -> dict[str, ClockLine]:
-        """Return the instrument's clock on the run's clock, by part and segment."""
-        return {stretch.name: stretch.line for stretch in self._stretches}
+        """Lines from the device's clock to the run's clock, keyed by the names of the segments."""
+        return {segment.name: segment.line for segment in self._segments}
 
     def readings(self, views: Sequence[View]) -> Iterator[tuple[View, Demodulated, BoolArray]]:
-        """Return the readings of each sensor under each emitter, window by window, and which of them are new."""
+        """Yield the readings of each sensor under each emitter, window by window, and which of them are new."""
         last: dict[str, float] = {}
-        half_s = 0.5 / self._setup.switch_hz
-        for stretch in self._stretches:
-            for begin, end in self._windows(stretch):
-                for view, found in self._window(stretch, begin, end, views):
-                    until = self._until(stretch, end)
-                    kept = found.of(view.emitter) & (found.time_s < until)
-                    kept &= found.time_s > last.get(view.name, -np.inf) + half_s
-                    if kept.any():
-                        last[view.name] = float(found.time_s[kept][-1])
-                    yield view, found, kept
+        half_period_s = 0.5 / self._setup.switch_hz
+        for segment in self._segments:
+            for begin, end in self._windows(segment):
+                until_s = np.inf if end == segment.end else float(self.time_s[end])
+                for view, readings in self._window(segment, begin, end, views):
+                    new = readings.of(view.emitter) & (readings.time_s < until_s)
+                    new &= readings.time_s > last.get(view.name, -np.inf) + half_period_s
+                    if new.any():
+                        last[view.name] = float(readings.time_s[new][-1])
+                    yield view, readings, new
 
-    def _fill(self, journaled: JournalContent) -> None:
-        """Write counts into the file, record by record, and store the description of each frame."""
-        at, frame = 0, self._setup.frame
-        for rows in journaled.blocks("samples"):
-            here = slice(at, at + len(rows))
-            self.part[here], self.stretch[here], self.number[here] = rows["part"], rows["stretch"], rows["number"]
-            counts = rows["counts"].reshape(-1, len(self._setup.channels))
-            self._counts[at * frame : (at + len(rows)) * frame] = counts
-            at += len(rows)
+    def _copy(self, journal: JournalContent) -> None:
+        """Write the counts to the file, record by record, and store part, segment and number of each frame."""
+        first, frame = 0, self._setup.frame
+        for rows in journal.blocks("samples"):
+            end = first + len(rows)
+            self.part[first:end], self.segment[first:end] = rows["part"], rows["stretch"]
+            self.number[first:end] = rows["number"]
+            self._counts[first * frame : end * frame] = rows["counts"].reshape(-1, len(self._setup.channels))
+            first = end
 
-    def _lined(self, journaled: JournalContent) -> Iterator[_Stretch]:
-        """Return the segments in their order; the time of arrival of a sample is the time at which it was taken."""
-        came = journaled.streams["came"]
-        which = np.stack([self.part, self.stretch], axis=1).astype(np.int64)
+    def _find_segments(self, journal: JournalContent) -> Iterator[_Segment]:
+        """Yield the segments in their order, and set the times of their frames."""
+        arrivals = journal.streams["came"]
+        identity = np.stack([self.part, self.segment], axis=1).astype(np.int64)
         jumps = np.diff(self.number) != self._setup.frame  # a damaged journal lacks frames
-        edges = (np.flatnonzero(np.diff(which, axis=0).any(axis=1) | jumps) + 1).tolist()
-        for begin, end in zip([0, *edges], [*edges, len(which)], strict=True):
+        edges = (np.flatnonzero(np.diff(identity, axis=0).any(axis=1) | jumps) + 1).tolist()
+        for begin, end in zip([0, *edges], [*edges, len(identity)], strict=True):
             if begin == end:
                 continue
-            part, stretch = which[begin]
-            mine = came[(came["part"] == part) & (came["stretch"] == stretch)]
-            taken_s = mine["number"] / self._rate_hz if len(mine) else np.zeros(1)
-            came_s = came_by(mine, journaled) if len(mine) else np.zeros(1)
-            line = fit_clock(taken_s, came_s, exchanges(journaled, int(part), came_s) if stretch == 0 else None)
+            part, number = identity[begin].tolist()
+            of_segment = arrivals[(arrivals["part"] == part) & (arrivals["stretch"] == number)]
+            line = self._clock_line(of_segment, journal, part, number)
             self.time_s[begin:end] = line.at(self.number[begin:end] / self._rate_hz)
-            yield _Stretch(begin, end, line, f"{part}.{stretch}")
+            yield _Segment(begin, end, line, f"{part}.{number}")
 
-    def _windows(self, stretch: _Stretch) -> Iterator[tuple[int, int]]:
-        """Return the frames of windows of about the same length."""
-        frames = stretch.end - stretch.begin
-        pieces = max(1, round(frames * self._setup.frame / (WINDOW_S * self._rate_hz)))
-        edges = np.linspace(stretch.begin, stretch.end, pieces + 1).astype(int).tolist()
+    def _clock_line(self, arrivals: Rows, journal: JournalContent, part: int, segment: int) -> ClockLine:
+        """Return the line from the device's clock to the run's clock; the exchange at the start is of segment 0."""
+        if len(arrivals) == 0:
+            return ClockLine(0.0, 1.0, 0.0)
+        arrival_s = latest_arrival_s(arrivals, journal)
+        start = exchanges(journal, part, arrival_s) if segment == 0 else None
+        return fit_clock(arrivals["number"] / self._rate_hz, arrival_s, start)
+
+    def _windows(self, segment: _Segment) -> Iterator[tuple[int, int]]:
+        """Yield the begin and end frames of windows of about the same length."""
+        frames = segment.end - segment.begin
+        windows = max(1, round(frames * self._setup.frame / (WINDOW_S * self._rate_hz)))
+        edges = np.linspace(segment.begin, segment.end, windows + 1).astype(int).tolist()
         yield from pairwise(edges)
 
-    def _until(self, stretch: _Stretch, end: int) -> float:
-        return np.inf if end == stretch.end else float(self.time_s[end])
-
     def _window(
-        self, stretch: _Stretch, begin: int, end: int, views: Sequence[View]
+        self, segment: _Segment, begin: int, end: int, views: Sequence[View]
     ) -> Iterator[tuple[View, Demodulated]]:
-        """Return the readings of every sensor in a window and slightly beyond."""
-        low, high = max(begin - OVERLAP, stretch.begin), min(end + OVERLAP, stretch.end)
+        """Yield the readings of every sensor in a window and slightly beyond it."""
+        low, high = max(begin - OVERLAP, segment.begin), min(end + OVERLAP, segment.end)
         frame = self._setup.frame
         volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
-        taken_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
+        sample_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
         try:
-            wired = {one: None for view in views for one in inputs_of(view, self._header)[: len(view.inputs)]}
-            seen, place = seen_by(self._setup, wired)
-            clock = clock_of(taken_s, volts[:, seen], self._setup, self._switch_hz)
+            inputs = {index: None for view in views for index in inputs_of(view, self._header)[: len(view.inputs)]}
+            channels, reference = clock_channels(self._setup, inputs)
+            clock = clock_of(sample_s, volts[:, channels], self._setup, self._switch_hz)
             for view in views:
-                yield view, self._subtracted(volts, taken_s, clock, place, stretch.line, view)
+                yield view, self._demodulated(volts, sample_s, clock, reference, segment.line, view)
         except DataError as bad:
             span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
-            self.remarks.append(warning(f"no readings from {span}: {bad}"))
+            self.cautions.append(warning(f"no readings from {span}: {bad}"))
 
-    def _subtracted(
-        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, view: View
+    def _demodulated(
+        self, volts: FloatArray, sample_s: FloatArray, clock: Clock, reference: float, line: ClockLine, view: View
     ) -> Demodulated:
         """Return the readings of a sensor's inputs, and of the load cell.
 
-        A sample is used if all are in the same phase.
-
-        ``place`` is the index of the channel whose conversions the clock's phase refers to.
+        A sample is used if all receivers are in the same phase. ``reference`` is the index of the channel to whose
+        conversions the clock refers.
         """
         inputs = inputs_of(view, self._header)
-        own = inputs[: len(view.inputs)]
-        delays = self._convert_s * (np.array(own) - place)
+        receivers = inputs[: len(view.inputs)]
+        delays = self._convert_s * (np.array(receivers) - reference)
         each = [states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays]
-        time = line.at(taken_s + self._convert_s * float(np.mean(own)))
+        time = line.at(sample_s + self._convert_s * float(np.mean(receivers)))
         low, high = self._limits[:, inputs]
         state = np.where(np.ptp(each, axis=0) == 0, each[0], -1)
         return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))
@@ -178,10 +180,10 @@ class Waveform:
 def create_variable(
     group: Any, name: str, dims: tuple[str, ...], shape: tuple[int, ...], dtype: Any, unit: str, text: str, rows: int
 ) -> Any:
-    """Create a variable of a netCDF file, compressed in chunks of the given number of rows, to be filled."""
-    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape[0] else {}
+    """Create an empty variable in a netCDF group, compressed in chunks of some rows."""
+    options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape[0] else {}
     chunks = (min(shape[0], rows), *shape[1:]) if shape[0] else None
-    variable = group.create_variable(name, dims, dtype, chunks=chunks, **kept)
+    variable = group.create_variable(name, dims, dtype, chunks=chunks, **options)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = text
     return variable

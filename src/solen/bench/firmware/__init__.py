@@ -1,1 +1,1 @@
-"""Firmware of emitter boards: sources for each board, and the core that runs on the board and on this computer."""
+"""Firmware of emitter boards: sources for each board, and a core that runs on the board and on the computer."""

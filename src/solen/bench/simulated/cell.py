@@ -1,7 +1,7 @@
 """A simulated load cell under the finger of a simulated stage.
 
-The cell follows the rig file, except for errors whose size the file states. Its scale has an error drawn from the
-stated uncertainty, and its curve deviates from a straight line by at most the stated nonlinearity.
+The cell has the characteristics in the rig file, with a scale error drawn from the uncertainty there, and a deviation
+from a straight line of at most the nonlinearity there.
 
 Public name: `SimulatedCell`.
 """
@@ -14,8 +14,8 @@ from solen.analysis.load_cell import LoadCell
 from solen.arrays import FloatArray
 from solen.bench.simulated.sensors import SimulatedSensor
 
-REST_V = 0.5
-"""Voltage without load, if the rig file states none."""
+ZERO_V = 0.5
+"""Voltage without load, if the rig file does not specify it."""
 
 
 @dataclass(frozen=True)
@@ -24,35 +24,35 @@ class SimulatedCell:
 
     Attributes
     ----------
-    place
+    input_index
         Index of its input, from 0.
     sensor
         The sensor on which the force acts.
-    stated
-        Load cell as stated in the rig file.
-    scale, bow_N
+    nominal
+        The load cell in the rig file.
+    scale_error, bow_N
         Relative error of its scale, and deviation from a straight line at half its capacity.
     """
 
-    place: int
+    input_index: int
     sensor: SimulatedSensor
-    stated: LoadCell
-    scale: float
+    nominal: LoadCell
+    scale_error: float
     bow_N: float
 
     @classmethod
-    def drawn(cls, stated: LoadCell, sensor: SimulatedSensor, rng: np.random.Generator) -> "SimulatedCell":
-        """Draw a load cell within the uncertainty that the rig file states."""
-        scale = 0.01 * (stated.u_sensitivity_percent or 0.0) * float(rng.standard_normal())
-        bow_N = 0.01 * stated.nonlinearity_percent * (stated.capacity_N or 0.0) * float(rng.uniform(-1.0, 1.0))
-        return cls((stated.input or 1) - 1, sensor, stated, scale, bow_N)
+    def drawn(cls, nominal: LoadCell, sensor: SimulatedSensor, rng: np.random.Generator) -> "SimulatedCell":
+        """Draw the errors of a load cell within its uncertainty and nonlinearity."""
+        scale_error = 0.01 * (nominal.u_sensitivity_percent or 0.0) * float(rng.standard_normal())
+        bow_N = 0.01 * nominal.nonlinearity_percent * (nominal.capacity_N or 0.0) * float(rng.uniform(-1.0, 1.0))
+        return cls((nominal.input or 1) - 1, sensor, nominal, scale_error, bow_N)
 
     def volts(self, depth_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return the volts of the load cell, in the range of the sensor's converter, at depths (n,)."""
-        force_N = self.sensor.pressed_N(depth_mm)
-        share = force_N / (self.stated.capacity_N or 1.0)
-        shown = force_N * (1.0 + self.scale) + 4.0 * self.bow_N * share * (1.0 - share)
-        rest_V = REST_V if self.stated.zero_V is None else self.stated.zero_V
+        """Return the voltages (n,) that the ADC reads at depths (n,)."""
+        force_N = self.sensor.force_at_N(depth_mm)
+        fraction = force_N / (self.nominal.capacity_N or 1.0)
+        shown_N = force_N * (1.0 + self.scale_error) + 4.0 * self.bow_N * fraction * (1.0 - fraction)
+        zero_V = ZERO_V if self.nominal.zero_V is None else self.nominal.zero_V
         adc = self.sensor.circuit.adc
-        level = rest_V + shown / self.stated.sensitivity_N_per_V
+        level = zero_V + shown_N / self.nominal.sensitivity_N_per_V
         return adc.read(level + adc.noise_V * rng.standard_normal(level.shape))

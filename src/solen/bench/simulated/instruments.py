@@ -1,4 +1,7 @@
-"""Stages and sampler of a simulated rig, created together because the sampler needs the positions of the stages."""
+"""Stages and sampler of a simulated rig, created together because the sampler needs the positions of the stages.
+
+Public name: `simulated_instruments`.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -28,40 +31,40 @@ def simulated_instruments(
     noise: np.random.Generator,
     report: Callable[[str], None] | None = None,
 ) -> tuple[dict[str, SimulatedStage], EmitterBoard | Daq, list[dict[str, Any]]]:
-    """Return the stages of a simulated rig by motion, its sampler, and its sensors with the drawn values.
+    """Return the stages of a simulated rig, keyed by motion, its sampler, and the header entries of its sensors.
 
     Parameters
     ----------
     rig, protocol
-        The sensors are traced over the protocol's range.
+        The rig, and the protocol, over whose range the sensors are traced.
     folder
         Base folder of the rig's designs.
     clock, noise
-        Clock and noise of the run. Sensors are drawn independently of noise: a resumed run has the same sensors but
-        other noise.
+        Clock and noise of the run. The variation of the sensors is drawn independently of the noise: a resumed run has
+        the same sensors but other noise.
     report
         Called with progress messages.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, cannot be built, or cannot vary as the rig states.
+        If a design cannot be read or built, or does not allow the variation in the rig file.
     """
     rng = np.random.default_rng([rig.seed, 0])
-    driven = {name: axis.model_dump(include={"zero", "lever_mm", "drives"}) for name, axis in rig.axes.items()}
-    stages = {motion: SimulatedStage(clock, protocol.unit, f"simulated stage {motion}".strip()) for motion in driven}
+    settings = {motion: axis.model_dump(include={"zero", "lever_mm", "drives"}) for motion, axis in rig.axes.items()}
+    stages = {motion: SimulatedStage(clock, protocol.unit, f"simulated stage {motion}".strip()) for motion in settings}
     for motion, stage in stages.items():
-        low, high = protocol.places.get(motion, (0.0, 0.0))
-        stage.axis.rest = min(max(0.0, low), high) if motion else 0.0
+        low, high = protocol.ranges.get(motion, (0.0, 0.0))
+        stage.axis.initial = min(max(0.0, low), high) if motion else 0.0
     sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
     if rig.stages:
-        sensors = simulated_networks(rig, folder, _ranges_deg(protocol, driven), rng, report)
+        sensors = simulated_networks(rig, folder, _ranges_deg(protocol, settings), rng, report)
     else:
-        sensors = simulated_sensors(rig, folder, _reach_deg(rig, protocol, driven[""]), rng, report)
+        sensors = simulated_sensors(rig, folder, _largest_drive(rig, protocol, settings[""]), rng, report)
 
     def angles(time_s: FloatArray) -> FloatArray:
-        each = [driven_values(stages[motion].axis.positions(time_s), one) for motion, one in driven.items()]
-        return np.stack(each, axis=1) if rig.stages else each[0]
+        columns = [driven_values(stages[motion].axis.positions(time_s), settings[motion]) for motion in settings]
+        return np.stack(columns, axis=1) if rig.stages else columns[0]
 
     cell = None
     if rig.load_cell is not None and isinstance(sensors[0], SimulatedSensor):
@@ -82,22 +85,25 @@ def simulated_instruments(
             per_count=None if rig.unit == "V" else rig.board.step,
             cell=cell,
         )
-    drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
-    return stages, sampler, drawn
+    entries = [sensor.wiring.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
+    return stages, sampler, entries
 
 
-def _reach_deg(rig: Rig, protocol: Protocol, driven: Mapping[str, Any]) -> float:
-    """Return the largest angle, or depth, of a protocol."""
+def _largest_drive(rig: Rig, protocol: Protocol, settings: Mapping[str, Any]) -> float:
+    """Return the largest angle in degrees, or depth in mm, of a protocol."""
     targets = np.array([step.targets[""] for step in protocol.steps if step.to_N is None])
     if protocol.forces_N and rig.stage.travel is not None:
         targets = np.append(targets, rig.stage.travel[1])
     if rig.stage.drives == "angle":
-        targets = np.array([-protocol.reach, protocol.reach]) + rig.stage.zero
-    return float(np.abs(driven_values(targets, driven)).max())
+        targets = np.array([-protocol.farthest, protocol.farthest]) + rig.stage.zero
+    return float(np.abs(driven_values(targets, settings)).max())
 
 
-def _ranges_deg(protocol: Protocol, driven: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+def _ranges_deg(protocol: Protocol, settings: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
     """Return the lowest and highest angle of each motion."""
-    places = {motion: np.array(protocol.places.get(motion, (one["zero"],))) for motion, one in driven.items()}
-    ends = {motion: driven_values(places[motion], one) for motion, one in driven.items()}
-    return {motion: (float(angles.min()), float(angles.max())) for motion, angles in ends.items()}
+    ranges = {}
+    for motion, of_motion in settings.items():
+        ends = np.array(protocol.ranges.get(motion, (of_motion["zero"],)))
+        angles = driven_values(ends, of_motion)
+        ranges[motion] = float(angles.min()), float(angles.max())
+    return ranges

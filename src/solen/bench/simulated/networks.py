@@ -1,9 +1,9 @@
-"""Simulated networks: each a print of its design, traced over the ranges of its motions.
+"""Simulated networks: prints of a design, traced over the ranges of their motions.
 
 A print is drawn once, with the rig's seed, like other sensors. Its powers, emitter by emitter, are traced on a grid
-over the ranges of its motions. The grid is refined, motion by motion, if a state midway differs from the surface
-through the others; between the states of the grid the surface is used. The tracing takes a minute or more; the powers
-therefore are stored in a file, and traced again if the design differs.
+over the ranges of its motions, and interpolated between the states of the grid by a surface. The grid is refined,
+motion by motion, until states midway agree with the surface. Because the tracing takes a minute or more, the powers are
+stored in a file, and traced again only if the design differs.
 
 Public names: `traced_network` and `SimulatedNetwork`.
 """
@@ -23,7 +23,7 @@ import numpy as np
 from solen import __version__
 from solen.analysis.surface import Surface
 from solen.arrays import FloatArray, IntArray
-from solen.bench.rig import SensorOf
+from solen.bench.rig import SensorTable
 from solen.errors import OutputError
 from solen.files import write_bytes
 from solen.readout import Circuit, circuit_of, face_areas_mm2
@@ -36,12 +36,12 @@ from solen.spec.placed import lit, state_of
 from solen.spec.toml import dumps
 
 Range = tuple[float, float]
-TRACED = 5e-4
+TOLERANCE = 5e-4
 """Uncertainty of a traced power, as a fraction of the emitted power."""
 MIN_STEPS, MAX_STEPS = 6, 24
-"""Number of steps over the range of a motion, at first and at most."""
-NEAR = 4e-3
-"""Largest difference between a state midway and the surface, as a fraction of the emitter's brightest power."""
+"""Initial number of steps over the range of a motion, and the number above which it is not refined further."""
+MAX_INTERPOLATION_ERROR = 4e-3
+"""Largest difference between a state midway and the surface, as a fraction of the brightest power."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,22 +50,22 @@ class SimulatedNetwork:
 
     Attributes
     ----------
-    wires
+    wiring
         Its wiring.
     drawn
         Values drawn for it.
     angles_deg
         Angles of each motion at which it was traced, in the order of the rig's stages.
     fractions
-        Fractions of the emitted power that receivers convert to current, (n_1, ..., n_M, emitters, receivers), in the
-        order of its wiring.
+        Fractions of the emitted power that the receivers convert to current, (n_1, ..., n_M, emitters, receivers), in
+        the order of its wiring.
     strength
-        Current per fraction of each emitter's power, relative to that of the first, (emitters,).
+        Photocurrent for the same fraction of the power of each emitter, relative to that of the first, (emitters,).
     circuit
-        Its receivers and converter, driven by the first emitter.
+        Its receivers and ADC, with the drive of the first emitter.
     """
 
-    wires: SensorOf
+    wiring: SensorTable
     drawn: dict[str, float]
     angles_deg: tuple[FloatArray, ...]
     fractions: FloatArray
@@ -73,28 +73,25 @@ class SimulatedNetwork:
     circuit: Circuit
 
     @property
-    def places(self) -> list[int]:
-        """Inputs of its receivers, from 0."""
-        return [number - 1 for number in self.wires.read_on.values()]
+    def input_indices(self) -> list[int]:
+        """Indices of the inputs of its receivers, from 0."""
+        return [number - 1 for number in self.wiring.input_numbers.values()]
 
     def at(self, angles_deg: FloatArray) -> FloatArray:
-        """Return the fractions of the emitted power that receivers convert in states (N, motions).
+        """Return the fractions of the emitted power (N, emitters, receivers) in states (N, motions)."""
+        fractions = np.maximum(self._surface.at(angles_deg), 0.0)
+        return fractions.reshape(len(angles_deg), *self.fractions.shape[-2:])
 
-        The shape is (N, emitters, receivers).
-        """
-        found = self._surface.at(angles_deg)
-        return np.maximum(found, 0.0).reshape(len(angles_deg), *self.fractions.shape[-2:])
-
-    def shares(self, angles_deg: FloatArray, emitter: IntArray) -> FloatArray:
-        """Return the light (N, receivers) in states (N, motions), with one emitter of the board on (from 0; -1: none).
+    def received(self, angles_deg: FloatArray, emitter: IntArray) -> FloatArray:
+        """Return the light (N, receivers) in states (N, motions), with an emitter of the board on (from 0; -1: none).
 
         The light is the fraction of the first emitter's power that would give the same photocurrent.
         """
-        light = np.zeros((len(angles_deg), len(self.places)))
-        for place, number in enumerate(self.wires.lit_by.values()):
+        light = np.zeros((len(angles_deg), len(self.input_indices)))
+        for index, number in enumerate(self.wiring.emitter_numbers.values()):
             on = emitter == number - 1
             if on.any():
-                light[on] = self.strength[place] * self.at(angles_deg[on])[:, place]
+                light[on] = self.strength[index] * self.at(angles_deg[on])[:, index]
         return light
 
     @cached_property
@@ -104,17 +101,17 @@ class SimulatedNetwork:
 
 
 def traced_network(
-    wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range], kept: Path | None = None
+    wiring: SensorTable, design: Design, ranges_deg: Mapping[str, Range], cache: Path | None = None
 ) -> SimulatedNetwork:
-    """Return a network with typical parts, traced over ranges of its motions by name.
+    """Return a network with typical parts, traced over ranges of its motions.
 
     Parameters
     ----------
-    wires, design
+    wiring, design
         Its wiring and its design.
     ranges_deg
-        Lowest and highest angle of each motion, in the order of the rig's stages.
-    kept
+        Lowest and highest angle of each motion, keyed by motion, in the order of the rig's stages.
+    cache
         File of the traced powers; read if it belongs to this network, otherwise written.
 
     Raises
@@ -124,35 +121,35 @@ def traced_network(
     DesignError
         If the body cannot be built in a state.
     """
-    named = list(wires.lit_by), list(wires.read_on)
+    names = list(wiring.emitter_numbers), list(wiring.input_numbers)
     sensor = Sensor.of(design)
-    made_of = __version__, dumps(design), sensor.material, Acceptance.of(sensor), named, dict(ranges_deg)
-    key = hashlib.sha256(repr(made_of).encode()).hexdigest()
-    found = None if kept is None else _read(kept, key)
-    if found is None:
-        found = _traced(wires, design, ranges_deg)
-        if kept is not None:
-            _keep(kept, key, *found)
-    each = [_circuit(wires, lit(design, name)) for name in wires.lit_by]
-    strength = np.array([_strength(one) for one in each])
-    return SimulatedNetwork(wires, {}, *found, strength / strength[0], each[0])
+    inputs = __version__, dumps(design), sensor.material, Acceptance.of(sensor), names, dict(ranges_deg)
+    key = hashlib.sha256(repr(inputs).encode()).hexdigest()
+    powers = None if cache is None else _read_cache(cache, key)
+    if powers is None:
+        powers = _traced(wiring, design, ranges_deg)
+        if cache is not None:
+            _write_cache(cache, key, *powers)
+    circuits = [_circuit(wiring, lit(design, name)) for name in wiring.emitter_numbers]
+    strength = np.array([_strength(circuit) for circuit in circuits])
+    return SimulatedNetwork(wiring, {}, *powers, strength / strength[0], circuits[0])
 
 
 def _traced(
-    wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range]
+    wiring: SensorTable, design: Design, ranges_deg: Mapping[str, Range]
 ) -> tuple[tuple[FloatArray, ...], FloatArray]:
     """Return the angles of each motion, and the powers over their grid."""
-    middle = {name: 0.5 * (low + high) for name, (low, high) in ranges_deg.items()}
-    angles = {name: _nodes(wires, design, name, ends, middle) for name, ends in ranges_deg.items()}
+    middle = {motion: 0.5 * (low + high) for motion, (low, high) in ranges_deg.items()}
+    angles = {motion: _grid_angles(wiring, design, motion, ends, middle) for motion, ends in ranges_deg.items()}
     mesh = np.stack(np.meshgrid(*angles.values(), indexing="ij"), axis=-1)
-    shares = _powers(wires, design, list(angles), mesh.reshape(-1, len(angles)))
-    return tuple(angles.values()), shares.reshape(*mesh.shape[:-1], *shares.shape[1:])
+    powers = _powers(wiring, design, list(angles), mesh.reshape(-1, len(angles)))
+    return tuple(angles.values()), powers.reshape(*mesh.shape[:-1], *powers.shape[1:])
 
 
-def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | None:
-    """Read the powers from a file; None if the file belongs to another network or does not exist."""
+def _read_cache(cache: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | None:
+    """Read the powers from a file; None if it does not exist or belongs to another network."""
     try:
-        with np.load(kept, allow_pickle=False) as file:
+        with np.load(cache, allow_pickle=False) as file:
             if str(file["key"]) != key:
                 return None
             angles = tuple(file[f"angles_{number}"] for number in range(file["fractions"].ndim - 2))
@@ -161,19 +158,19 @@ def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | N
         return None
 
 
-def _keep(kept: Path, key: str, angles: tuple[FloatArray, ...], fractions: FloatArray) -> None:
+def _write_cache(cache: Path, key: str, angles: tuple[FloatArray, ...], fractions: FloatArray) -> None:
     content = BytesIO()
     arrays: dict[str, Any] = {f"angles_{number}": angle for number, angle in enumerate(angles)}
     np.savez(content, key=np.array(key), fractions=fractions, **arrays)
-    with suppress(OutputError):  # in a read-only folder the network is traced again next time
-        write_bytes(kept, content.getvalue())
+    with suppress(OutputError):  # in a read-only folder the network is traced again the next time
+        write_bytes(cache, content.getvalue())
 
 
 def with_parts(network: SimulatedNetwork, rng: np.random.Generator) -> SimulatedNetwork:
-    """Return a network with random parts: receivers, and each emitter's power, within the limits of the datasheets."""
-    first, *others = (network.circuit.drawn(rng) for _ in network.wires.lit_by)
-    power = np.array([one.drive.typical_mW for one in (first, *others)])
-    return replace(network, circuit=first, strength=network.strength * power / power[0])
+    """Return a network with receivers and emitter powers drawn within the limits of the datasheets."""
+    circuits = [network.circuit.drawn(rng) for _ in network.wiring.emitter_numbers]
+    power = np.array([circuit.drive.typical_mW for circuit in circuits])
+    return replace(network, circuit=circuits[0], strength=network.strength * power / power[0])
 
 
 def _strength(circuit: Circuit) -> float:
@@ -181,43 +178,44 @@ def _strength(circuit: Circuit) -> float:
     return circuit.transistor.response * float(circuit.drive.power_mW())
 
 
-def _circuit(wires: SensorOf, design: Design) -> Circuit:
+def _circuit(wiring: SensorTable, design: Design) -> Circuit:
     areas = face_areas_mm2(design, Sensor.of(design).body())
-    return circuit_of(design, {name: areas[name] for name in wires.read_on})
+    return circuit_of(design, {name: areas[name] for name in wiring.input_numbers})
 
 
-def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapping[str, float]) -> FloatArray:
-    """Return as many angles of one motion as its response needs, with the others at the middle of their ranges."""
+def _grid_angles(
+    wiring: SensorTable, design: Design, motion: str, ends: Range, middle: Mapping[str, float]
+) -> FloatArray:
+    """Return as many angles of one motion as its response needs, with the others in the middle of their ranges."""
     low, high = ends
     if low == high:
         return np.array([low])
-    motions, steps = list(middle), MIN_STEPS
-    column = motions.index(name)
+    motions = list(middle)
+    column = motions.index(motion)
 
-    def along(angles: FloatArray) -> FloatArray:
-        rows = np.tile([middle[motion] for motion in motions], (len(angles), 1))
-        rows[:, column] = angles
-        return _powers(wires, design, motions, rows).reshape(len(angles), -1)
+    def powers_at(angles: FloatArray) -> FloatArray:
+        states = np.tile([middle[name] for name in motions], (len(angles), 1))
+        states[:, column] = angles
+        return _powers(wiring, design, motions, states).reshape(len(angles), -1)
 
-    angles = np.linspace(low, high, steps + 1)
-    found = along(angles)
-    while True:
-        between = 0.5 * (angles[1:] + angles[:-1])
-        more = along(between)
-        surface = Surface.through([angles], found)
-        off = np.abs(surface.at(between[:, None]) - more).max() / found.max()
-        order = np.argsort(np.concatenate([angles, between]))
-        if off <= NEAR:
-            return angles
-        angles, found = np.concatenate([angles, between])[order], np.concatenate([found, more])[order]
-        if len(angles) > MAX_STEPS:
-            return angles
+    angles = np.linspace(low, high, MIN_STEPS + 1)
+    powers = powers_at(angles)
+    while len(angles) <= MAX_STEPS:
+        middles = 0.5 * (angles[1:] + angles[:-1])
+        midway = powers_at(middles)
+        predicted = Surface.through([angles], powers).at(middles[:, None])
+        if np.abs(predicted - midway).max() <= MAX_INTERPOLATION_ERROR * powers.max():
+            break
+        angles, powers = np.concatenate([angles, middles]), np.concatenate([powers, midway])
+        order = np.argsort(angles)
+        angles, powers = angles[order], powers[order]
+    return angles
 
 
-def _powers(wires: SensorOf, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
-    """Return the fractions (states, emitters, receivers) that receivers convert, in the order of the wiring."""
-    moved = [state_of(design, dict(zip(motions, row, strict=True))) for row in states.tolist()]
-    response = response_of(moved, TRACED)
-    lights = [response.emitters.index(name) for name in wires.lit_by]
-    places = [response.receivers.index(name) for name in wires.read_on]
-    return received_by(moved, response.power)[:, lights][:, :, places]
+def _powers(wiring: SensorTable, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
+    """Return the fractions (states, emitters, receivers) that the receivers convert, in the order of the wiring."""
+    placed = [state_of(design, dict(zip(motions, row, strict=True))) for row in states.tolist()]
+    response = response_of(placed, TOLERANCE)
+    emitters = [response.emitters.index(name) for name in wiring.emitter_numbers]
+    receivers = [response.receivers.index(name) for name in wiring.input_numbers]
+    return received_by(placed, response.power)[:, emitters][:, :, receivers]

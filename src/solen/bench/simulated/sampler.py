@@ -1,4 +1,4 @@
-"""Common part of simulated samplers: simulated sensors, read in the time of a run.
+"""Common base of simulated samplers, which sample simulated sensors by the clock of a run.
 
 Public name: `SimulatedSampler`.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock
-from solen.bench.rig import RoomLight
+from solen.bench.rig import AmbientLight
 from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.networks import SimulatedNetwork
 from solen.bench.simulated.sensors import SimulatedSensor
@@ -19,30 +19,30 @@ from solen.bench.simulated.sensors import SimulatedSensor
 
 @dataclass
 class SimulatedSampler:
-    """A sampler of simulated sensors.
+    """Base of a sampler of simulated sensors.
 
     Attributes
     ----------
     clock
         Clock of the run.
     sensors
-        Sensors on its inputs.
+        Sensors connected to its inputs.
     angle_deg
         Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
     room
         Ambient light.
     rng
-        Draws noise and phases.
+        Generator of noise and phases.
     ppm
-        How much faster its clock runs than the run's.
+        Excess rate of its clock, relative to the run's clock.
     cell
-        Its load cell.
+        Load cell on one of its inputs.
     """
 
     clock: Clock
     sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
-    room: RoomLight
+    room: AmbientLight
     rng: np.random.Generator
     ppm: float = field(default=20.0, kw_only=True)
     cell: SimulatedCell | None = field(default=None, kw_only=True)
@@ -56,11 +56,11 @@ class SimulatedSampler:
         self._flicker = float(self.rng.uniform(0.0, 2.0 * math.pi))
 
     def stop(self) -> None:
-        """Switch the emitters off."""
+        """Switch the emitters off and stop sampling."""
         self._begun_s = None
 
     def close(self) -> None:
-        """Switch the emitters off."""
+        """Switch the emitters off and stop sampling."""
         self.stop()
 
     @property

@@ -1,10 +1,9 @@
-"""Simulated sensors: the design of each with variations between prints, traced, with individual parts.
+"""Simulated sensors: prints of a design that vary, with individual parts, and their traced responses.
 
 Prints of one design differ in index, decentre of the emitter, chip and parts. Each print is drawn once, with the rig's
-seed, and its response is **traced**, angle by angle; in between it is interpolated monotonically, with as many traced
-angles as needed.
+seed, and its response is **traced** at as many angles as a monotone interpolation between them needs.
 
-Public names: `simulated_sensors`, `simulated_networks` and `room_light_mw_cm2`.
+Public names: `simulated_sensors`, `simulated_networks` and `ambient_mw_cm2`.
 """
 
 import math
@@ -17,7 +16,7 @@ from typing import cast
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.bench.rig import Rig, RoomLight, SensorOf, check_names
+from solen.bench.rig import AmbientLight, Rig, SensorTable, check_names
 from solen.bench.simulated.networks import SimulatedNetwork, traced_network, with_parts
 from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
@@ -30,14 +29,14 @@ from solen.spec.placed import state_of
 from solen.spec.soft import driven
 
 ANGLES, DEPTHS = 25, 9
-"""Number of angles, or of depths of a finger, at which a response is traced at first."""
-CLOSE = 2e-4
+"""Initial number of angles, or of depths of a finger, at which a response is traced."""
+MAX_INTERPOLATION_ERROR = 2e-4
 """Largest difference between a value traced midway and its interpolation, as a fraction of the brightest value."""
 TOLERANCE = 2e-4
-"""Tolerance of a fraction of the emitted power integrated over the chip; the error is mostly ten times smaller."""
-HALVINGS = 6
-"""Largest number of times a step between two angles is halved, which limits the refinement at a jump."""
-BEYOND = 1.02
+"""Tolerance of a fraction of the emitted power, integrated over the chip; the error is mostly ten times smaller."""
+MAX_HALVINGS = 6
+"""Largest number of times that a step between two angles is halved, which limits the refinement at a discontinuity."""
+RANGE_FACTOR = 1.02
 """Traced range relative to the protocol's range, because a stage may overshoot."""
 MAX_DEG = 80.0
 """Largest angle in degrees at which a sensor can be traced."""
@@ -50,20 +49,20 @@ class SimulatedSensor:
 
     Attributes
     ----------
-    wires
+    wiring
         Its wiring.
     drawn
-        Values drawn for it: index, decentre and width of the chip, and the gains of its parts, in V.
+        Values drawn for it: index, decentre of the emitter, width of the chip, and the gains of its parts in V.
     angle_deg, fractions
-        Angles (N,) and fractions of the emitted power (N, 2) at the right and the left receiver, as traced.
+        Traced angles (N,), and the fractions of the emitted power (N, 2) received on the right and the left.
     circuit
-        Its emitter, receivers and converter.
+        Its emitter, receivers and ADC.
     force_N
-        For a soft sensor, the force on the finger at each depth (N,), and ``angle_deg`` contains these depths; None for
-        others.
+        For a sensor that is pressed, the force on the finger at each depth (N,); ``angle_deg`` then contains the
+        depths. None for others.
     """
 
-    wires: SensorOf
+    wiring: SensorTable
     drawn: dict[str, float]
     angle_deg: FloatArray
     fractions: FloatArray
@@ -76,33 +75,30 @@ class SimulatedSensor:
         return np.asarray(self._curve(inside))
 
     @property
-    def places(self) -> list[int]:
-        """Inputs of its receivers, from 0."""
-        return [number - 1 for number in self.wires.read_on.values()]
+    def input_indices(self) -> list[int]:
+        """Indices of the inputs of its receivers, from 0."""
+        return [number - 1 for number in self.wiring.input_numbers.values()]
 
-    def shares(self, angle_deg: FloatArray, emitter: IntArray) -> FloatArray:
+    def received(self, angle_deg: FloatArray, emitter: IntArray) -> FloatArray:
         """Return the fractions of the emitted power (N, 2) at angles (N,), with an emitter on (from 0; -1: none)."""
-        light = np.zeros((len(angle_deg), 2))
-        on = emitter == next(iter(self.wires.lit_by.values())) - 1
-        light[on] = self.at(angle_deg[on])
-        return light
+        fractions = np.zeros((len(angle_deg), 2))
+        on = emitter == next(iter(self.wiring.emitter_numbers.values())) - 1
+        fractions[on] = self.at(angle_deg[on])
+        return fractions
 
-    def pressed_N(self, depth_mm: FloatArray) -> FloatArray:
-        """Return the forces (...) on the finger at depths (...).
-
-        0 if it does not touch, or for a sensor that is bent.
-        """
+    def force_at_N(self, depth_mm: FloatArray) -> FloatArray:
+        """Return the forces (...) on the finger at depths (...): 0 without contact, or for a sensor that is bent."""
         if self.force_N is None:
             return np.zeros(depth_mm.shape)
         return np.asarray(self._force(np.clip(depth_mm, self.angle_deg[0], self.angle_deg[-1])))
 
     @cached_property
     def _force(self) -> Callable[[FloatArray], FloatArray]:
-        return between(self.angle_deg, np.zeros(self.angle_deg.shape) if self.force_N is None else self.force_N)
+        return interpolation(self.angle_deg, np.zeros(self.angle_deg.shape) if self.force_N is None else self.force_N)
 
     @cached_property
     def _curve(self) -> Callable[[FloatArray], FloatArray]:
-        return between(self.angle_deg, self.fractions)
+        return interpolation(self.angle_deg, self.fractions)
 
 
 def simulated_networks(
@@ -119,62 +115,65 @@ def simulated_networks(
     rig, folder, rng, progress
         As in `simulated_sensors`.
     visited_deg
-        Angles that each motion reaches, which must be within its range.
+        Lowest and highest angle of each motion in the protocol, which must be within the range of the motion.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, cannot be built, or cannot vary as the rig states, or a motion goes beyond its
-        range.
+        If a design cannot be read or built, or does not allow the variation in the rig file, or the protocol exceeds
+        the range of a motion.
     """
     check_names(rig, folder)
-    made = []
-    for wires in rig.sensor:
+    networks = []
+    for wiring in rig.sensor:
         if progress is not None:
-            progress(f"tracing {wires.name}")
-        design = load(folder / wires.design)
+            progress(f"tracing {wiring.name}")
+        design = load(folder / wiring.design)
         for end in (0, 1):
-            state_of(design, {motion: reached[end] for motion, reached in visited_deg.items()})
-        motions = {motion.name: (motion.from_deg, motion.to_deg) for motion in design.network.motion}
-        ranges = {motion: motions[motion] for motion in visited_deg}
-        drawn = _drawn(rig, wires, design, rng)
-        kept = folder / f"{wires.name}.traced.npz"
-        network = replace(traced_network(wires, with_values(design, drawn), ranges, kept), drawn=drawn)
+            state_of(design, {motion: limits[end] for motion, limits in visited_deg.items()})
+        all_ranges = {motion.name: (motion.from_deg, motion.to_deg) for motion in design.network.motion}
+        ranges = {motion: all_ranges[motion] for motion in visited_deg}
+        drawn = _drawn(rig, wiring, design, rng)
+        cache = folder / f"{wiring.name}.traced.npz"
+        network = replace(traced_network(wiring, with_values(design, drawn), ranges, cache), drawn=drawn)
         network = with_parts(network, rng) if rig.spread.parts else network
         light = network.strength[:, None] * network.fractions
-        made.append(replace(network, circuit=_set(rig, network.circuit, light.reshape(-1, light.shape[-1]))))
-    return tuple(made)
+        circuit = _adjusted(rig, network.circuit, light.reshape(-1, light.shape[-1]))
+        networks.append(replace(network, circuit=circuit))
+    return tuple(networks)
 
 
 def simulated_sensors(
-    rig: Rig, folder: Path, reach_deg: float, rng: np.random.Generator, progress: Progress | None = None
+    rig: Rig, folder: Path, largest: float, rng: np.random.Generator, progress: Progress | None = None
 ) -> tuple[SimulatedSensor, ...]:
-    """Return all sensors of a simulated rig, traced up to an angle in both directions.
+    """Return all sensors of a simulated rig, traced up to an angle in deg in both directions, or to a depth in mm.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, cannot be built, or cannot vary as the rig states.
+        If a design cannot be read or built, or does not allow the variation in the rig file.
     """
-    if rig.stage.drives == "angle" and reach_deg > MAX_DEG:
+    if rig.stage.drives == "angle" and largest > MAX_DEG:
         limit = f"a simulated sensor is traced up to {MAX_DEG:g} deg"
-        raise BenchError("the protocol's reach in deg", value=reach_deg, limit=limit, remedy="turn less far")
-    made = []
-    for wires in rig.sensor:
+        raise BenchError("largest angle of the protocol", value=largest, limit=limit, remedy="reduce the angle")
+    sensors = []
+    for wiring in rig.sensor:
         if progress is not None:
-            progress(f"tracing {wires.name}")
-        made.append(_print(rig, wires, load(folder / wires.design), reach_deg, rng))
-    return tuple(made)
+            progress(f"tracing {wiring.name}")
+        sensors.append(_traced_print(rig, wiring, load(folder / wiring.design), largest, rng))
+    return tuple(sensors)
 
 
-def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.random.Generator) -> SimulatedSensor:
-    drawn = _drawn(rig, wires, design, rng)
+def _traced_print(
+    rig: Rig, wiring: SensorTable, design: Design, largest: float, rng: np.random.Generator
+) -> SimulatedSensor:
+    drawn = _drawn(rig, wiring, design, rng)
     pressed = rig.stage.drives == "depth"
-    values = np.linspace(0.0, BEYOND * reach_deg, DEPTHS) if pressed else _angles(reach_deg)
-    swept = _swept_depths(design, wires.design, values) if pressed else with_values(design, _sweep(values))
+    values = np.linspace(0.0, RANGE_FACTOR * largest, DEPTHS) if pressed else _angles(largest)
+    swept = _swept_depths(design, wiring.design, values) if pressed else with_values(design, _sweep(values))
     sensor = Sensor.of(with_values(swept, drawn))
     sensor = replace(sensor, cut=Sensor.of(design).cut)  # another index, but the lens of the design
-    if not wires.lens:
+    if not wiring.lens:
         sensor = sensor.without_lens
     sensor.check_pair()
     angle_deg, fractions = traced(sensor, values)
@@ -182,15 +181,15 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
-    circuit = _set(rig, circuit, fractions)
+    circuit = _adjusted(rig, circuit, fractions)
     forces = np.array([force_of(sensor, value) for value in angle_deg.tolist()]) if pressed else None
-    simulated_sensor = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
-    simulated_sensor.at(simulated_sensor.angle_deg[:1])  # imports are done here, not while a run waits
+    simulated_sensor = SimulatedSensor(wiring, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
+    simulated_sensor.at(simulated_sensor.angle_deg[:1])  # lazy imports are done before the run begins
     return simulated_sensor
 
 
-def _angles(reach_deg: float) -> FloatArray:
-    end = max(BEYOND * reach_deg, 0.1)
+def _angles(largest_deg: float) -> FloatArray:
+    end = max(RANGE_FACTOR * largest_deg, 0.1)
     return np.linspace(-end, end, ANGLES)
 
 
@@ -200,45 +199,46 @@ def _sweep(angle_deg: FloatArray) -> dict[str, float]:
 
 
 def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
-    """Return a loaded design whose finger is pushed to depths, whether its depth or its force is driven."""
+    """Return a loaded design whose finger is pressed to some depths, whether its depth or its force is driven."""
     motion = design.motion
     if motion.kind != "loaded" or (drives := driven(design))[0] != "press":
-        what = f"turns ({motion.kind})" if motion.kind != "loaded" else f"drives {motion.drives}"
-        limit = f"{what}, and the stage of the rig presses a finger into the sensor"
+        what = f"has motion.kind = {motion.kind}" if motion.kind != "loaded" else f"drives {motion.drives}"
+        limit = f"{what}, but the stage of the rig presses a finger into the sensor"
         remedy = 'use a design with motion.kind = "loaded" whose [[press]] is driven, or omit stage.drives'
         raise BenchError(file, limit=limit, remedy=remedy)
-    stated = {"drives": f"{drives[1]}.depth_mm", "depths_mm": tuple(depth_mm.tolist()), "forces_N": None}
-    return design.model_copy(update={"motion": motion.model_copy(update=stated)}).in_folder(design.folder)
+    prescribed = {"drives": f"{drives[1]}.depth_mm", "depths_mm": tuple(depth_mm.tolist()), "forces_N": None}
+    return design.model_copy(update={"motion": motion.model_copy(update=prescribed)}).in_folder(design.folder)
 
 
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return angles (N,) and fractions (N, 2) at the right and the left receiver, dense enough for interpolation.
+    """Return angles (N,) and the fractions (N, 2) received on the right and the left, dense enough for interpolation.
 
-    Every step is halved until the power traced midway is within `CLOSE` of the interpolation.
+    Every step is halved until the power traced midway is within `MAX_INTERPOLATION_ERROR` of the interpolation.
     """
-    found = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
-    wide = np.ones(len(angle_deg) - 1, dtype=bool)
-    for _ in range(HALVINGS):
-        guessed = between(found.angle_deg, _shares(found))
-        steps = np.flatnonzero(wide)
-        middles = 0.5 * (found.angle_deg[steps] + found.angle_deg[steps + 1])
-        more = sensor.power(middles.tolist(), tolerance=TOLERANCE)
-        off = np.abs(_shares(more) - guessed(middles)).max(axis=1) > CLOSE * _shares(found).max()
-        found = found.merged(more)
-        if not off.any():
+    response = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
+    unchecked = np.ones(len(angle_deg) - 1, dtype=bool)
+    for _ in range(MAX_HALVINGS):
+        predicted = interpolation(response.angle_deg, _columns(response))
+        steps = np.flatnonzero(unchecked)
+        middles = 0.5 * (response.angle_deg[steps] + response.angle_deg[steps + 1])
+        midway = sensor.power(middles.tolist(), tolerance=TOLERANCE)
+        error = np.abs(_columns(midway) - predicted(middles)).max(axis=1)
+        coarse = error > MAX_INTERPOLATION_ERROR * _columns(response).max()
+        response = response.merged(midway)
+        if not coarse.any():
             break
-        begun = np.searchsorted(found.angle_deg, middles[off])
-        wide = np.zeros(len(found.angle_deg) - 1, dtype=bool)
-        wide[np.concatenate([begun - 1, begun])] = True
-    return found.angle_deg, received(sensor, found)
+        index = np.searchsorted(response.angle_deg, middles[coarse])
+        unchecked = np.zeros(len(response.angle_deg) - 1, dtype=bool)
+        unchecked[np.concatenate([index - 1, index])] = True
+    return response.angle_deg, received(sensor, response)
 
 
-def _shares(response: Response) -> FloatArray:
+def _columns(response: Response) -> FloatArray:
     return np.column_stack([response.right, response.left])
 
 
-def between(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Interpolate fractions (..., 2) at any angles (...), monotone where the given values are."""
+def interpolation(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return the monotone interpolation of fractions (N, ...) at angles (N,)."""
     from scipy.interpolate import PchipInterpolator
 
     return PchipInterpolator(angle_deg, fractions)
@@ -246,49 +246,48 @@ def between(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArra
 
 def _gains(circuit: Circuit) -> dict[str, float]:
     """Return the drop in volts that all of the emitted light would cause at each receiver with an unlimited supply."""
-    none, whole = circuit.current_mA(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    gains = 1e-3 * (whole - none) * np.array(circuit.load_ohm)
+    dark, bright = circuit.current_mA(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    gains = 1e-3 * (bright - dark) * np.array(circuit.load_ohm)
     return {f"gain_{name}_V": float(gain) for name, gain in zip(circuit.names, gains, strict=True)}
 
 
-def converter(rig: Rig) -> Adc:
-    """Return the converter of the rig: unipolar on the board, bipolar in a data acquisition."""
+def adc_of(rig: Rig) -> Adc:
+    """Return the ADC of a rig: unipolar on a board, bipolar in a DAQ device."""
     board, daq = rig.board, rig.daq
     if daq is None:
         return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
-    part = cast(AdcPart, library_part(daq.kind))  # part of that kind in the shipped library
+    part = cast(AdcPart, library_part(daq.kind))  # every model that can be simulated is in the shipped library
     adc = Adc.of(part, daq.range_v, (-daq.range_v, daq.range_v))
     return adc if daq.noise_uv is None else replace(adc, noise_V=1e-6 * daq.noise_uv)
 
 
-def _set(rig: Rig, circuit: Circuit, fractions: FloatArray) -> Circuit:
-    """Return a circuit with the rig's converter, and trimmers that are set if the rig states their level."""
+def _adjusted(rig: Rig, circuit: Circuit, fractions: FloatArray) -> Circuit:
+    """Return a circuit with the ADC of the rig, and with trimmers adjusted if the rig specifies ``trim_v``."""
     rate_hz = rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz
-    circuit, to_v = replace(circuit, adc=converter(rig), rate_hz=rate_hz), (rig.daq or rig.board).trim_v
-    return circuit if to_v is None else _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, to_v)
+    circuit, trim_V = replace(circuit, adc=adc_of(rig), rate_hz=rate_hz), (rig.daq or rig.board).trim_v
+    return circuit if trim_V is None else _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, trim_V)
 
 
-def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
-    """Return a circuit with loads that put the brightest reading at a given voltage, within the trimmers' range."""
-    if to_v >= circuit.supply_V:
-        limit = f"must be below the supply, {circuit.supply_V:g} V"
-        raise BenchError("trim_v", value=to_v, limit=limit)
-    most_ma = circuit.current_mA(fractions, room_mw_cm2).max(axis=0)
-    wanted = 1e3 * (circuit.supply_V - to_v) / most_ma
-    return replace(circuit, load_ohm=tuple(np.minimum(wanted, circuit.load_ohm).tolist()))
+def _trimmed(circuit: Circuit, fractions: FloatArray, mean_ambient_mw_cm2: float, trim_V: float) -> Circuit:
+    """Return a circuit with loads that put the brightest reading at a voltage, within the range of the trimmers."""
+    if trim_V >= circuit.supply_V:
+        raise BenchError("trim_v", value=trim_V, limit=f"must be below the supply, {circuit.supply_V:g} V")
+    largest_mA = circuit.current_mA(fractions, mean_ambient_mw_cm2).max(axis=0)
+    load_ohm = 1e3 * (circuit.supply_V - trim_V) / largest_mA
+    return replace(circuit, load_ohm=tuple(np.minimum(load_ohm, circuit.load_ohm).tolist()))
 
 
-def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) -> dict[str, float]:
-    """Draw the deviations of this print.
+def _drawn(rig: Rig, wiring: SensorTable, design: Design, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the deviations of a print.
 
-    Every number is drawn, and one standard deviation does not affect the other draws.
+    All of them are drawn, so that one standard deviation does not affect the other draws.
     """
     index, offset, chip = rng.standard_normal(3)
     spread, values = rig.spread, {}
     if spread.index > 0.0:
         if design.material.index is None:
-            limit = f"needs material.index in {wires.design}, which names a resin"
-            raise BenchError("spread.index", value=spread.index, limit=limit, remedy="state the index there")
+            limit = f"requires material.index in {wiring.design}, which has a resin instead"
+            raise BenchError("spread.index", value=spread.index, limit=limit, remedy="set material.index there")
         values["material.index"] = design.material.index + spread.index * float(index)
     if spread.emitter_offset_mm > 0.0:
         values["emitter.offset_mm"] = design.emitter.offset_mm + spread.emitter_offset_mm * float(offset)
@@ -297,11 +296,8 @@ def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) 
     return values
 
 
-def room_light_mw_cm2(room: RoomLight, time_s: FloatArray, phase: float) -> FloatArray:
-    """Return the ambient light in mW/cm² at times, shape as given, with its flicker beginning at a phase.
-
-    Never below 0.
-    """
-    drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
-    flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + phase)
-    return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))
+def ambient_mw_cm2(ambient: AmbientLight, time_s: FloatArray, phase: float) -> FloatArray:
+    """Return the irradiance of ambient light in mW/cm² at times (N,), at least 0; ``phase`` is that of the flicker."""
+    drift = 1.0 + 1e-2 * ambient.drift_percent_per_min * time_s / 60.0
+    flicker = 1e-2 * ambient.flicker_percent * np.sin(2.0 * math.pi * ambient.flicker_hz * time_s + phase)
+    return np.asarray(np.maximum(0.0, ambient.mean_mw_cm2 * drift * (1.0 + flicker)))

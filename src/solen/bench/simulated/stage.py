@@ -1,7 +1,7 @@
-"""A simulated stage: it moves with its velocity and its acceleration straight to its target.
+"""A simulated stage, which moves to its target with a trapezoidal velocity profile.
 
-A move is a trapezoid in velocity (a triangle if the distance is too short for the full velocity). The position at any
-time therefore is a closed formula, without time steps, evaluated for many times at once.
+The profile is a triangle if the distance is too short for the full velocity. The position at any time is a closed-form
+expression, evaluated for many times at once without time steps.
 
 Public names: `SimulatedStage`, `Axis` and `Move`.
 """
@@ -32,9 +32,9 @@ class Move:
     begin_s
         Time at which it begins.
     start, target
-        Initial and final position, in the axis' unit.
+        Initial and final position, in the unit of the axis.
     velocity, acceleration
-        Its highest velocity and its acceleration, per s and per s².
+        Highest velocity and acceleration, per s and per s².
     """
 
     begin_s: float
@@ -46,8 +46,12 @@ class Move:
     @cached_property
     def ramp_s(self) -> float:
         """Duration of the acceleration, and of the deceleration."""
-        way = abs(self.target - self.start)
-        return min(self.velocity / self.acceleration, math.sqrt(way / self.acceleration))
+        return min(self.velocity / self.acceleration, math.sqrt(self.distance / self.acceleration))
+
+    @property
+    def distance(self) -> float:
+        """Distance from start to target."""
+        return abs(self.target - self.start)
 
     @cached_property
     def end_s(self) -> float:
@@ -55,33 +59,30 @@ class Move:
         ramp = self.ramp_s
         if ramp == 0.0:
             return self.begin_s
-        way = abs(self.target - self.start)
-        return self.begin_s + ramp + way / (self.acceleration * ramp)
+        return self.begin_s + ramp + self.distance / (self.acceleration * ramp)
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Return positions at times, shape as given; before the move the start, after it the target."""
+        """Return positions at times (N,); before the move the start, after it the target."""
         ramp, total = self.ramp_s, self.end_s - self.begin_s
-        since = np.clip(time_s - self.begin_s, 0.0, total)
-        left = total - since
-        # acceleration, constant velocity, deceleration: the distance from the start, or to the target
-        up = 0.5 * self.acceleration * np.minimum(since, ramp) ** 2
-        down = 0.5 * self.acceleration * np.minimum(left, ramp) ** 2
-        way = abs(self.target - self.start)
-        steady = self.acceleration * ramp * np.clip(since - ramp, 0.0, max(total - 2.0 * ramp, 0.0))
-        gone = np.where(left < ramp, way - down, up + steady)
-        return self.start + math.copysign(1.0, self.target - self.start) * gone
+        elapsed = np.clip(time_s - self.begin_s, 0.0, total)
+        remaining = total - elapsed
+        accelerated = 0.5 * self.acceleration * np.minimum(elapsed, ramp) ** 2
+        uniform = self.acceleration * ramp * np.clip(elapsed - ramp, 0.0, max(total - 2.0 * ramp, 0.0))
+        decelerated = 0.5 * self.acceleration * np.minimum(remaining, ramp) ** 2
+        moved = np.where(remaining < ramp, self.distance - decelerated, accelerated + uniform)
+        return self.start + math.copysign(1.0, self.target - self.start) * moved
 
-    def where(self, time_s: float) -> float:
-        """Return the position at one time, without the cost of arrays: a stage is read fifty times a second."""
+    def at_time(self, time_s: float) -> float:
+        """Return the position at one time, without the overhead of arrays: a stage is queried 50 times a second."""
         ramp, total = self.ramp_s, self.end_s - self.begin_s
-        since = min(max(time_s - self.begin_s, 0.0), total)
-        left = total - since
-        if left < ramp:
-            gone = abs(self.target - self.start) - 0.5 * self.acceleration * left**2
+        elapsed = min(max(time_s - self.begin_s, 0.0), total)
+        remaining = total - elapsed
+        if remaining < ramp:
+            moved = self.distance - 0.5 * self.acceleration * remaining**2
         else:
-            steady = self.acceleration * ramp * min(max(since - ramp, 0.0), max(total - 2.0 * ramp, 0.0))
-            gone = 0.5 * self.acceleration * min(since, ramp) ** 2 + steady
-        return self.start + math.copysign(1.0, self.target - self.start) * gone
+            uniform = self.acceleration * ramp * min(max(elapsed - ramp, 0.0), max(total - 2.0 * ramp, 0.0))
+            moved = 0.5 * self.acceleration * min(elapsed, ramp) ** 2 + uniform
+        return self.start + math.copysign(1.0, self.target - self.start) * moved
 
 
 @dataclass
@@ -91,17 +92,17 @@ class Axis:
     Attributes
     ----------
     acceleration
-        Acceleration of all its moves, per s².
-    rest
-        Position before its first move.
+        Acceleration of all moves, per s².
+    initial
+        Position before the first move.
     """
 
     acceleration: float
-    rest: float = 0.0
+    initial: float = 0.0
     moves: list[Move] = field(default_factory=list)
 
     def send(self, at_s: float, target: float, velocity: float) -> Move:
-        """Begin a move now, aborting any earlier one."""
+        """Begin a move; one that is in progress is aborted."""
         start = self.at(at_s)
         self.halt(at_s)
         move = Move(at_s, start, target, velocity, self.acceleration)
@@ -109,9 +110,10 @@ class Axis:
         return move
 
     def halt(self, at_s: float) -> None:
-        """Stop the motion immediately."""
+        """Stop at once, without deceleration."""
         if self.moves and self.moves[-1].end_s > at_s:
-            self.moves.append(Move(at_s, here := self.at(at_s), here, 1.0, self.acceleration))
+            position = self.at(at_s)
+            self.moves.append(Move(at_s, position, position, 1.0, self.acceleration))
 
     def moving(self, at_s: float) -> bool:
         """Whether it moves."""
@@ -119,20 +121,20 @@ class Axis:
 
     def at(self, at_s: float) -> float:
         """Return the position at a time."""
-        place = max(bisect_right(self.moves, at_s, key=_begin) - 1, 0)
-        return self.moves[place].where(at_s) if self.moves else self.rest
+        index = max(bisect_right(self.moves, at_s, key=_begin) - 1, 0)
+        return self.moves[index].at_time(at_s) if self.moves else self.initial
 
     def positions(self, time_s: FloatArray) -> FloatArray:
         """Return the positions at ascending times, shape (N,)."""
-        found = np.full(len(time_s), self.rest)
+        positions = np.full(len(time_s), self.initial)
         if len(time_s) == 0 or not self.moves:
-            return found
+            return positions
         first = max(bisect_right(self.moves, time_s[0], key=_begin) - 1, 0)
         moves = self.moves[first : bisect_right(self.moves, time_s[-1], key=_begin)]
         begins = np.searchsorted(time_s, [move.begin_s for move in moves]).tolist()
         for move, begin, end in zip(moves, begins, [*begins[1:], len(time_s)], strict=False):
-            found[begin:end] = move.at(time_s[begin:end])
-        return found
+            positions[begin:end] = move.at(time_s[begin:end])
+        return positions
 
 
 def _begin(move: Move) -> float:
@@ -145,7 +147,7 @@ class SimulatedStage:
     Attributes
     ----------
     axis
-        Its position at any time.
+        Its motion.
     """
 
     def __init__(self, clock: Clock, unit: Literal["deg", "mm"] = "deg", name: str = "simulated stage") -> None:
@@ -155,17 +157,17 @@ class SimulatedStage:
         self._clock = clock
 
     def reference(self) -> None:
-        """Do nothing: its zero is always known."""
+        """Do nothing: it always has a zero."""
 
     def begin_move(self, target: float, velocity: float) -> None:
-        """Begin to move; raise `BenchError` beyond its limits."""
+        """Begin to move; raise `BenchError` if target or velocity are outside the limits."""
         low, high = LIMITS[self.unit]
         if not low <= target <= high:
-            limit = f"{target:g} {self.unit} is outside its limits {low:g} to {high:g}"
-            raise BenchError(self.name, limit=limit, remedy="move less far")
+            limit = f"is outside the limits of the stage, {low:g} to {high:g} {self.unit}"
+            raise BenchError(f"{self.name}: target", value=target, limit=limit, remedy="choose a target within them")
         if velocity > MAX_SPEED[self.unit]:
-            limit = f"{velocity:g} {self.unit}/s is above its highest velocity, {MAX_SPEED[self.unit]:g}"
-            raise BenchError(self.name, limit=limit, remedy="move more slowly")
+            limit = f"is above the maximum of the stage, {MAX_SPEED[self.unit]:g} {self.unit}/s"
+            raise BenchError(f"{self.name}: velocity", value=velocity, limit=limit, remedy="reduce the velocity")
         self.axis.send(self._clock.now_s(), target, velocity)
 
     def position(self) -> float:
@@ -173,7 +175,7 @@ class SimulatedStage:
         return self.axis.at(self._clock.now_s())
 
     def on_target(self) -> bool:
-        """Whether it is at its target."""
+        """Whether it is at rest."""
         return not self.axis.moving(self._clock.now_s())
 
     def stop(self) -> None:

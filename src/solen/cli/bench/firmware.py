@@ -9,9 +9,11 @@ from solen.pipeline.bench.firmware import firmware as firmware
 
 @lines.register
 def _(result: pipeline.Firmware) -> Iterator[str]:
-    how = "open the sketch in the Arduino IDE" if result.board == "uno" else "copy the files onto one with MicroPython"
-    yield f"next: {how}; docs/board.md lists the wiring of the pins"
-    states = f"bits = {result.bits}, range_v = {result.range_V}, baud = {result.baud}"
-    if result.straight_V is not None:
-        states += f", straight_v = {list(result.straight_V)}"
-    yield f'[board] of the rig: driver = "serial", {states}'
+    step = "copy the files onto a board with MicroPython"
+    if result.board == "uno":
+        step = "open the sketch in the Arduino IDE and upload it"
+    yield f"next: {step}; docs/board.md lists the pins"
+    values = f"bits = {result.bits}, range_v = {result.range_V}, baud = {result.baud}"
+    if result.linear_V is not None:
+        values += f", linear_v = {list(result.linear_V)}"
+    yield f'[board] of the rig: driver = "serial", {values}'

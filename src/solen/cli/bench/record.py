@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.bench.catalogue import RecordingList
-from solen.bench.interrupts import Ended, pass_over
+from solen.bench.interrupts import Ended, ignore_signals
 from solen.bench.netcdf import RecordedRun
 from solen.bench.record import RecordOptions
 from solen.bench.run import Tick
@@ -30,9 +30,9 @@ def run(
     Parameters
     ----------
     protocol
-        Motion of the stage.
+        Protocol file: the motion of the stage.
     rig
-        The instruments, and which sensors are wired to them.
+        Rig file: the instruments, and the sensors that are wired to them.
     out
         Folder of the recording.
     """
@@ -40,7 +40,7 @@ def run(
         try:
             return pipeline.run(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
         except Ended:
-            pass_over()  # the stored files are still to be reported
+            ignore_signals()  # the files that are kept have yet to be reported
             raise
 
 
@@ -72,53 +72,53 @@ def _(recording_list: RecordingList) -> Iterator[str]:
 
 @contextmanager
 def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None], Callable[[str], bool] | None]]:
-    """Show a status line on stderr if it is a terminal; return a function that asks the operator for confirmation."""
-    asked = confirmation()
+    """Yield functions that show a status line on stderr, if it is a terminal, and that ask the operator a question."""
+    ask = confirmation()
     if SHOWN.quiet or not sys.stderr.isatty():
-        yield None, lambda _: None, asked
+        yield None, lambda _: None, ask
         return
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
-    def shown(text: str) -> Text:
+    def status(text: str) -> Text:
         return Text(text, no_wrap=True, overflow="ellipsis")
 
-    with Live(shown("beginning"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
+    with Live(status("starting"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
 
-        def paused(question: str) -> bool:
+        def pause_and_ask(question: str) -> bool:
             live.stop()
             try:
-                return asked is not None and asked(question)
+                return ask is not None and ask(question)
             finally:
                 live.start()
 
         yield (
-            lambda tick: live.update(shown(_line(tick))),
-            lambda text: live.update(shown(text)),
-            None if asked is None else paused,
+            lambda tick: live.update(status(_line(tick))),
+            lambda text: live.update(status(text)),
+            None if ask is None else pause_and_ask,
         )
 
 
 def confirmation() -> Callable[[str], bool] | None:
     """Return a function that asks the operator at the terminal; None without a terminal."""
-    return _confirmed if sys.stdin.isatty() and sys.stderr.isatty() else None
+    return _ask if sys.stdin.isatty() and sys.stderr.isatty() else None
 
 
-def _confirmed(question: str) -> bool:
-    """Return whether the operator answers yes; any other answer is no."""
+def _ask(question: str) -> bool:
+    """Return whether the operator answers yes; any other answer is treated as no."""
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().casefold() in {"y", "yes"}
 
 
-def block(share: float) -> str:
-    """Return a block character whose height is a fraction from 0 to 1."""
-    return BLOCKS[min(7, int(8 * max(0.0, share)))]
+def block(height: float) -> str:
+    """Return a block character with a height from 0 to 1."""
+    return BLOCKS[min(7, int(8 * max(0.0, height)))]
 
 
 def _line(tick: Tick) -> str:
     """Return the status line: progress of the run, and the brightness at each input while its emitters are on."""
     levels = " ".join(f"{number}:{block(level)}" for number, level in enumerate(tick.levels, 1))
-    at = " ".join(f"{position:+7.3f}" for position in tick.position.values())
-    return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {at}  {levels}"
+    positions = " ".join(f"{position:+7.3f}" for position in tick.position.values())
+    return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {positions}  {levels}"

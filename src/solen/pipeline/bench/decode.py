@@ -34,7 +34,7 @@ from solen.analysis.network.stream_decoder import (
 )
 from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
-from solen.bench.follow import Following
+from solen.bench.follow import JournalFollower
 from solen.bench.journal import SUFFIX
 from solen.bench.journal_content import signal_unit
 from solen.bench.outlets import Outlet, Paced, outlet
@@ -131,20 +131,20 @@ def _of_network(
         cycles, provenance, warnings = recorded_cycles(path, calibration, options.sensor)
         pieces = in_pieces(cycles, len(cycles.time_s), _MAX_ROWS)
         return NetworkStream(calibration, str(file), source, provenance, warnings), pieces
-    following = Following(path)
+    following = JournalFollower(path)
     journaled = _journal_cycles(following, calibration, options.sensor, path.name, follow=options.follow)
     return NetworkStream(calibration, str(file), source, _provenance(following, path)), journaled
 
 
 def _journal_cycles(
-    following: Following, calibration: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
+    following: JournalFollower, calibration: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
 ) -> Iterator[SwitchingCycles]:
     """Yield the switching cycles in a run's journal, in the order of a calibration."""
     entry = network_entry(following.header, sensor or calibration.sensor, file)
     scale = scale_of(file, signal_unit(following.header), calibration)
     emitters = indices_of("emitter", calibration.emitters, list(entry["emitters"]), file)
     receivers = indices_of("receiver", calibration.receivers, list(entry["inputs"]), file)
-    for part in _added(following, lambda: following.turns(entry["name"]), follow=follow):
+    for part in _added(following, lambda: following.network_readings(entry["name"]), follow=follow):
         signal, clipped = scale * part.volts[:, emitters][:, :, receivers], part.clipped[:, emitters][:, :, receivers]
         yield SwitchingCycles(part.time_s, signal, clipped=clipped)
 
@@ -180,7 +180,7 @@ def _write_rows(
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     """Return the readings in a run's journal, with ambient light subtracted."""
-    following = Following(path)
+    following = JournalFollower(path)
     names = [str(entry["name"]) for entry in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)
     parts = _added(following, lambda: following.readings(name), follow=options.follow)
@@ -188,14 +188,14 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     return Stream(batches, name, "subtracted", _provenance(following, path), unit=signal_unit(following.header))
 
 
-def _provenance(following: Following, path: Path) -> Provenance:
+def _provenance(following: JournalFollower, path: Path) -> Provenance:
     """Return the provenance of readings from a run's journal."""
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
     return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
-def _added(following: Following, read_new: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
+def _added(following: JournalFollower, read_new: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
     """Yield the new content of a journal; with ``follow``, until the run ends."""
     while True:
         yield from read_new()

@@ -15,32 +15,32 @@ from solen.spec import load
 
 
 class BenchFolder(Result):
-    """A folder with example files, and the protocol to begin with."""
+    """A folder with example files, and the name of the protocol to start with."""
 
     folder: Path
     protocol: str = "rotation.toml"
 
 
 def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
-    """Write protocols and simulated rigs with their designs into a folder.
+    """Write protocols and simulated rigs with their designs to a folder.
 
     Parameters
     ----------
     folder
-        Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition),
-        sensor.toml, and the same for bending and for a press under a load cell.
+        Folder for rotation.toml, rig.toml (with a board), rig-daq.toml (with a DAQ device), sensor.toml, and the
+        files for bending and for a press with a load cell.
     design
-        Design of a network: write its own rig in their place, and the plans states.toml, for its calibration, and
-        visits.toml, to check it.
+        Design of a network: write instead a rig for it, and the protocols states.toml, for its calibration, and
+        visits.toml, to check the calibration.
     """
-    texts = starter_files() if design is None else network_files(load(design), _beside(folder, design))
+    texts = starter_files() if design is None else network_files(load(design), _relative(design, folder))
     written = files.write_new(folder, {f"{name}.toml": text.encode() for name, text in texts.items()})
-    plan = "rotation.toml" if design is None else "states.toml"
-    return Outcome(BenchFolder(folder, plan), dict(zip(texts, written, strict=True)))
+    protocol = "rotation.toml" if design is None else "states.toml"
+    return Outcome(BenchFolder(folder, protocol), dict(zip(texts, written, strict=True)))
 
 
-def _beside(folder: Path, design: Path) -> str:
-    """Return the path of a design relative to a folder, with forward slashes; it is absolute on another drive."""
+def _relative(design: Path, folder: Path) -> str:
+    """Return the path of a design relative to a folder, with forward slashes; it is absolute if on another drive."""
     try:
         return Path(os.path.relpath(design.absolute(), folder.absolute())).as_posix()
     except ValueError:
@@ -63,9 +63,9 @@ def run(
     Parameters
     ----------
     protocol
-        Motion of the stage.
+        Protocol file: the motion of the stage.
     rig
-        The instruments, and which sensors are wired to them.
+        Rig file: the instruments, and the sensors that are wired to them.
     """
     recorded = bench.record(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
     return Outcome(recorded, {"recording": recorded.path})
@@ -91,6 +91,6 @@ def recordings(folder: Path = Path(), /, *, look: bool = False) -> Outcome[catal
     folder
         The folder; default: the working directory.
     look
-        Also list recordings copied there by hand.
+        Scan the folder for recordings that were copied there.
     """
     return Outcome(catalogue.list_recordings(folder, look=look))

@@ -17,12 +17,12 @@ Log = Annotated[Path | None, Parameter(name="--out", help="Write the angle over 
 def video(
     file: Path, /, *, options: Annotated[VideoOptions, FLAT] = VideoOptions(), out: Log = None, force: Force = False
 ) -> Outcome[VideoMotion]:
-    """Read an angle from a video of an ArUco or AprilTag marker that turns, as a motion log for solen bench analyse.
+    """Measure the angle of an ArUco or AprilTag marker in a video, as a motion log for solen bench analyse.
 
     Parameters
     ----------
     file
-        A video that OpenCV reads; the camera stands still.
+        A video that OpenCV can read, recorded with a fixed camera.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The board's hardware under MicroPython; pins.py states the connections."""
+"""The hardware of a board with MicroPython; pins.py assigns the pins."""
 
 import gc
 import select
@@ -11,18 +11,18 @@ import pins
 from machine import ADC, PWM, Pin, Timer
 from solen_board import Board, Hardware
 
-GUARD_MS, GUARD_TURNS = 50, 17
+GUARD_MS, MAX_SILENT_TICKS = 50, 17
 
 
 class Pins(Hardware):
     """Emitters, inputs and a motor on the pins of this board."""
 
-    most_steps_per_s = pins.MAX_STEPS_PER_S
+    max_steps_per_s = pins.MAX_STEPS_PER_S
 
     def __init__(self):
         self._emitters = [Pin(number, Pin.OUT, value=0) for number in pins.EMITTERS]
         self._inputs = [ADC(Pin(number), **pins.ADC_OPTIONS) for number in pins.INPUTS]
-        self._lit, self._at, self._us = -1, ticks_us(), 0
+        self._lit, self._last_ticks, self._us = -1, ticks_us(), 0
         self._out = sys.stdout.buffer
         self._servo = None
         if pins.SERVO is None:
@@ -30,8 +30,8 @@ class Pins(Hardware):
 
     def now_us(self):
         now = ticks_us()
-        self._us += ticks_diff(now, self._at)
-        self._at = now
+        self._us += ticks_diff(now, self._last_ticks)
+        self._last_ticks = now
         return self._us
 
     def light(self, emitter):
@@ -52,7 +52,7 @@ class Pins(Hardware):
     def send(self, data):
         self._out.write(data)
 
-    def fits(self, half_us, emitters, inputs):
+    def supports(self, half_us, emitters, inputs):
         return emitters <= len(self._emitters) and inputs <= len(self._inputs) and half_us >= 400 + 60 * inputs
 
     def step(self, position, forward):
@@ -61,29 +61,29 @@ class Pins(Hardware):
             self._step.value(1)
             self._step.value(0)
             return
-        if self._servo is None:  # it is not driven until its first move
+        if self._servo is None:  # no pulses before the first move
             self._servo = PWM(Pin(pins.SERVO), freq=50)
         self._servo.duty_ns(1000 * min(max(pins.SERVO_CENTRE_US + position, 500), 2500))
 
 
 def run():
-    micropython.kbd_intr(-1)  # a byte 3 is a byte like any other
+    micropython.kbd_intr(-1)  # byte 3 is data, not Ctrl-C
     hardware = Pins()
-    board, silent = Board(hardware, pins.NAME), [0]
+    board, silent_ticks = Board(hardware, pins.NAME), [0]
 
     def guard(_):  # switches the emitters off even during a long write to a disconnected host
-        silent[0] += 1
-        if silent[0] > GUARD_TURNS:
+        silent_ticks[0] += 1
+        if silent_ticks[0] > MAX_SILENT_TICKS:
             hardware.all_off()
 
     Timer(period=GUARD_MS, mode=Timer.PERIODIC, callback=guard, **pins.TIMER_OPTIONS)
-    poll, coming = select.poll(), sys.stdin.buffer
+    poll, stdin = select.poll(), sys.stdin.buffer
     poll.register(sys.stdin, select.POLLIN)
     gc.disable()
     while True:
         if poll.poll(0):
-            silent[0] = 0
-            board.hear(coming.read(1))
+            silent_ticks[0] = 0
+            board.receive(stdin.read(1))
         elif not board.work() and gc.mem_free() < 60_000:
             gc.collect()
 

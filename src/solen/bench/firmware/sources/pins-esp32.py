@@ -1,4 +1,4 @@
-"""Connections of the pins of an ESP32, by GPIO number; the inputs are those of its first converter."""
+"""Pins of an ESP32, by GPIO number; the inputs are those of its first ADC."""
 
 from machine import ADC
 
@@ -8,7 +8,7 @@ INPUTS = (32, 33, 34, 35, 36, 39)
 ADC_OPTIONS = {"atten": ADC.ATTN_11DB}
 TIMER_OPTIONS = {"id": 0}
 
-# a stepper's driver, or None and the pin of a hobby servo: its steps are microseconds of the pulse from the centre
+# driver of a stepper, or instead the pin of a hobby servo, whose steps are microseconds of pulse width from the centre
 STEP, DIRECTION = 25, 26
 SERVO = None
 SERVO_CENTRE_US = 1500

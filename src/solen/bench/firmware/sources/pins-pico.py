@@ -1,4 +1,4 @@
-"""Connections of the pins of a Raspberry Pi Pico, by GPIO number."""
+"""Pins of a Raspberry Pi Pico, by GPIO number."""
 
 NAME = "solen board, Raspberry Pi Pico"
 EMITTERS = (2, 3, 4, 5)
@@ -6,7 +6,7 @@ INPUTS = (26, 27, 28)
 ADC_OPTIONS = {}
 TIMER_OPTIONS = {}
 
-# a stepper's driver, or None and the pin of a hobby servo: its steps are microseconds of the pulse from the centre
+# driver of a stepper, or instead the pin of a hobby servo, whose steps are microseconds of pulse width from the centre
 STEP, DIRECTION = 10, 11
 SERVO = None
 SERVO_CENTRE_US = 1500
