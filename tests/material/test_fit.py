@@ -93,7 +93,7 @@ def test_the_stated_uncertainty_covers_the_truth(kind: str, truth: Dispersion, t
     inside = np.zeros(len(where))
     for _ in range(DRAWS):
         n = at_nm(truth, nm) + u * rng.standard_normal(nm.size) + rng.standard_normal(2) @ shared
-        value, u_value = fit(kind, nm, n, u, shared=shared, terms=terms).model.along(where)
+        value, u_value = fit(kind, nm, n, u, shared=shared, terms=terms).model.indices(where)
         inside += abs(value - expected) < 1.96 * u_value
     # this third term is as often dropped as kept, where the choice errs most: 92.2 to 95 % in 3,000 draws by hand
     assert inside / DRAWS == pytest.approx(0.95, abs=0.02 if terms else 0.045)

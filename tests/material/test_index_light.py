@@ -80,8 +80,8 @@ def test_without_a_known_uncertainty_none_is_claimed() -> None:
 def test_a_measured_spectrum_is_weighted_by_its_steps() -> None:
     light = measured_light([900.0, 840.0, 850.0], [1.0, 1.0, 1.0])
     assert light.wavelength_nm.tolist() == [840.0, 850.0, 900.0]
-    assert light.share.sum() == pytest.approx(1.0)
-    assert light.share[2] > light.share[0]
+    assert light.weight.sum() == pytest.approx(1.0)
+    assert light.weight[2] > light.weight[0]
 
 
 @pytest.mark.parametrize(("nm", "power"), [([], []), ([800.0], [0.0]), ([800.0, 810.0], [1.0, -1.0]), ([0.0], [1.0])])

@@ -6,8 +6,8 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.lossless_index import lossless_index
-from solen.material.index.masks import Why
-from solen.material.index.reading import Length, combined, reading, student
+from solen.material.index.masks import Reason
+from solen.material.index.reading import Length, combined, reading, student_t
 from solen.material.index.routes import (
     AS_PUBLISHED,
     absorptance,
@@ -61,9 +61,9 @@ def test_a_clear_layer_with_noise_keeps_every_index_and_is_unbiased(seed: int) -
     # the curvature of n(R) biases by n'' u²/2 ≈ 2e-5; the rest is the mean's own scatter
     assert abs(found.n.value.mean() - 1.489) < 4 * 0.0039 / np.sqrt(draws) + 3e-5
     # half of the points have R + T > 1, and none of the others a k that is more than noise
-    assert 0.45 < np.mean(found.k.why == Why.NEGATIVE) < 0.55
+    assert 0.45 < np.mean(found.k.why == Reason.NEGATIVE) < 0.55
     assert not found.k.known.any()
-    assert found.k_high95[found.k.why == Why.NEGATIVE].min() > 0.0
+    assert found.k_high95[found.k.why == Reason.NEGATIVE].min() > 0.0
 
 
 def simulated(name: str, n: float, k: float, draws: int, u: float) -> IndexSpectrum:
@@ -117,7 +117,7 @@ def test_where_k_is_not_resolved_its_upper_bound_still_holds() -> None:
     nm = np.full(draws, 600.0)
     r, t = (value + rng.normal(0.0, 1e-3, draws) for value in forward(np.full(draws, 1.5), k, 25.0, nm))
     found = measured(nm, reading(t, 1e-3), reading(r, 1e-3), Length(25.0))
-    unresolved = np.isin(found.k.why, (Why.SMALL, Why.NEGATIVE))
+    unresolved = np.isin(found.k.why, (Reason.SMALL, Reason.NEGATIVE))
     assert unresolved.all()
     assert np.isnan(found.k.value[unresolved]).all()
     assert np.isfinite(found.k.u[unresolved]).all()
@@ -150,7 +150,7 @@ def test_an_opaque_layer_has_a_lower_bound_of_k() -> None:
     k = 0.05
     r, t = forward(1.5, k, 25.0, [600.0])
     found = measured([600.0], reading(t, 1e-3), reading(r, 1e-3), Length(25.0))
-    assert found.reason == (f"k: {Why.DARK.words}",)
+    assert found.reason == (f"k: {Reason.DARK.words}",)
     assert found.n.value[0] == pytest.approx(1.5, abs=1e-9)
     assert 0.0 < found.k_low95[0] < k
     assert np.isnan(found.k_high95[0])
@@ -191,13 +191,13 @@ def test_a_negative_discriminant_is_masked() -> None:
 def test_a_spectrum_that_makes_light_everywhere_is_masked_everywhere() -> None:
     r, t = clear()
     found = measured(NM, reading(t + 0.005, 1e-3), reading(r, 1e-3), H)
-    assert set(found.n.why) == {Why.ENERGY}
+    assert set(found.n.why) == {Reason.ENERGY}
 
 
 @pytest.mark.parametrize(("excess", "masked"), [(0.012, False), (0.014, True)])
 def test_where_no_uncertainty_is_stated_that_of_usual_instruments_judges(excess: float, masked: bool) -> None:
     found = measured([500.0], reading([0.92 + excess]), reading([0.08]), Length(25.0))
-    assert bool(found.n.why[0] == Why.ENERGY) is masked
+    assert bool(found.n.why[0] == Reason.ENERGY) is masked
 
 
 def test_two_indices_that_fit_are_reported() -> None:
@@ -227,7 +227,7 @@ def test_a_clear_layer_read_as_published_is_an_artefact() -> None:
     assert found.reflectance[0] == pytest.approx(0.04216, abs=5e-6)
     assert found.n.value[0] == pytest.approx(1.351, abs=5e-4)
     dark = as_published([600.0, 600.0], reading([0.13712, 0.13714]), Length(25.0))
-    assert dark.n.why.tolist() == [Why.REFLECTANCE, Why.FINE]
+    assert dark.n.why.tolist() == [Reason.REFLECTANCE, Reason.NONE]
 
 
 def test_silicon_read_as_published_is_far_off() -> None:
@@ -301,20 +301,20 @@ def test_repeats_that_drift_are_reported_and_not_averaged_away() -> None:
     _, t = clear(1.5)
     rng = np.random.default_rng(4)
     still = t + rng.normal(0.0, 5e-4, (5, NM.size))
-    assert reading(still).remarks == ()
+    assert reading(still).warnings == ()
     moving = reading(still + np.linspace(0.0, 2e-3, 5)[:, None], name="T")
-    assert moving.remarks[0].startswith("the 5 repeats of T drift in one direction, on average from 0.92")
+    assert moving.warnings[0].startswith("the 5 repeats of T drift in one direction, on average from 0.92")
     assert moving.u_common[0, 0] == pytest.approx(np.linspace(0.0, 2e-3, 5).std(ddof=1), rel=0.1)
     back_and_forth = reading(still + np.array([[0.0], [2e-3], [0.0], [2e-3], [1e-3]]))
-    assert back_and_forth.remarks == ()
+    assert back_and_forth.warnings == ()
 
 
 def test_few_repeats_widen_the_uncertainty() -> None:
-    assert student(0.682689492137086, np.array([1.0, 2.0, np.inf])) == pytest.approx([1.8373, 1.3213, 1.0], abs=1e-4)
-    assert student(0.95, 4.0) == pytest.approx(2.7764, abs=1e-4)
+    assert student_t(0.682689492137086, np.array([1.0, 2.0, np.inf])) == pytest.approx([1.8373, 1.3213, 1.0], abs=1e-4)
+    assert student_t(0.95, 4.0) == pytest.approx(2.7764, abs=1e-4)
     one = reading(np.array([[0.9, 0.9], [0.91, 0.92]]))
     assert one.u_random == pytest.approx([0.005, 0.01])
-    assert one.freedom == 1.0
+    assert one.df == 1.0
 
 
 def test_nothing_uncertain_has_no_uncertainty() -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError
-from solen.material.index.masks import Why
+from solen.material.index.masks import Reason
 from solen.material.index.reading import Length, Reading, reading
 from solen.material.index.routes import extinction_on_substrate
 from solen.material.index.routes import lossless as lossless_route
 from solen.material.index.routes import measured as measured_route
 from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Baseline, Setup, Side, Substrate, on_substrate
-from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
+from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, max_transmittance
 
 NM = np.linspace(400.0, 900.0, 101)
 UM2 = (NM * 1e-3) ** 2
@@ -132,12 +132,12 @@ def test_what_cannot_be_known_is_masked_with_its_reason() -> None:
     t, r = (float(read) for read in on_substrate(1.49, 0.0, LAYER_UM, 600.0, Setup(FLAT)))
     least = float(on_substrate(1.253, 0.0, LAYER_UM, 600.0, Setup(FLAT)).R)
     for found, why in (
-        (one(np.nan, r), Why.MISSING),
-        (one(-0.01, r), Why.TRANSMITTANCE),
-        (one(t, 0.0), Why.REFLECTANCE),
-        (one(1.0243, least - 1e-3), Why.NO_FIT),
-        (one(t + 0.01, r, FLAT, 1e-3), Why.BRIGHT),
-        (one(1.0165, least + 3e-4, FLAT, 1e-3), Why.INDISTINCT),
+        (one(np.nan, r), Reason.MISSING),
+        (one(-0.01, r), Reason.TRANSMITTANCE),
+        (one(t, 0.0), Reason.REFLECTANCE),
+        (one(1.0243, least - 1e-3), Reason.NO_FIT),
+        (one(t + 0.01, r, FLAT, 1e-3), Reason.BRIGHT),
+        (one(1.0165, least + 3e-4, FLAT, 1e-3), Reason.INDISTINCT),
     ):
         assert (found.n.why[0], found.k.why[0]) == (why, why)
         assert np.isnan([found.n.value[0], found.n.u[0], found.k.value[0], found.k.u[0]]).all()
@@ -149,14 +149,14 @@ def test_a_k_below_its_uncertainty_is_not_resolved_and_n_stays() -> None:
     t, r = (float(read) for read in on_substrate(1.49, 1e-7, LAYER_UM, 600.0, Setup(FLAT)))
     found = one(t, r, FLAT, 1e-3)
     assert found.n.value[0] == pytest.approx(1.49, abs=1e-12)
-    assert found.k.why[0] == Why.SMALL
+    assert found.k.why[0] == Reason.SMALL
     assert np.isnan(found.k.value[0])
     assert found.k.u[0] > 1e-6
     assert found.k_low95[0] == 0
     assert found.k_high95[0] > found.k.u[0]
     brighter = one(t + 1e-3, r, FLAT, 1e-3)  # more light out than in, within the noise
     assert brighter.n.known[0]
-    assert brighter.k.why[0] == Why.BELOW
+    assert brighter.k.why[0] == Reason.BELOW
 
 
 def test_reflecting_more_than_the_bare_sheet_is_no_reason_to_mask() -> None:
@@ -181,7 +181,7 @@ def test_a_long_spectrum_is_inverted_in_blocks_to_the_same_numbers() -> None:
     assert invert_on_substrate(t, r, nm, LAYER_UM, Setup(sheet)).n == pytest.approx(np.tile(RESIN, 50), abs=1e-13)
     clear = np.tile(measured(RESIN, 0.0)[0], 50)
     assert invert_lossless(clear, nm, Setup(sheet)).n == pytest.approx(np.tile(RESIN, 50), abs=1e-12)
-    assert most_transmitted(nm, Setup(sheet)).shape == nm.shape
+    assert max_transmittance(nm, Setup(sheet)).shape == nm.shape
 
 
 @pytest.mark.parametrize("baseline", ["substrate", "air"])
@@ -195,7 +195,7 @@ def test_a_lossless_layer_is_determined_by_t_alone(baseline: Baseline) -> None:
     assert spectrum.mode == "lossless"
     assert spectrum.n.value == pytest.approx(RESIN, abs=1e-12)
     assert spectrum.n.u == pytest.approx(abs(found.n_by["T"]) * 1e-4, rel=1e-9)
-    assert (spectrum.k.why == Why.ASSUMED).all()
+    assert (spectrum.k.why == Reason.ASSUMED).all()
     both = told(*on_substrate(RESIN, 0.0, LAYER_UM, NM, Setup(PET, baseline=baseline)), baseline=baseline)
     assert both.lossless.value == pytest.approx(RESIN, abs=1e-12)
 
@@ -209,10 +209,10 @@ def test_any_loss_makes_the_lossless_index_an_upper_bound() -> None:
 
 def test_what_t_alone_cannot_tell_is_masked_with_its_reason() -> None:
     found = lossless_route(np.full(5, 600.0), reading([np.nan, 0.0, 1.03, 0.6, 1.0243], 1e-3), Setup(FLAT))
-    reasons = [Why.MISSING, Why.TRANSMITTANCE, Why.TOO_CLEAR, Why.TOO_DARK, Why.INDISTINCT]
+    reasons = [Reason.MISSING, Reason.TRANSMITTANCE, Reason.TOO_CLEAR, Reason.TOO_DARK, Reason.INDISTINCT]
     assert found.n.why.tolist() == reasons
     assert np.isnan(found.n.value).all()
-    assert most_transmitted([600.0], Setup(FLAT))[0] == pytest.approx(1.0243, abs=1e-4)
+    assert max_transmittance([600.0], Setup(FLAT))[0] == pytest.approx(1.0243, abs=1e-4)
 
 
 def test_a_known_index_leaves_t_to_tell_k() -> None:
@@ -233,7 +233,7 @@ def test_a_known_index_leaves_t_to_tell_k() -> None:
     blind = extinction_on_substrate(
         np.full(4, 600.0), reading([0.0, np.nan, 1.0, 1.2], 1e-2), 1.5, Length(LAYER_UM), Setup(FLAT)
     )
-    assert blind.why.tolist() == [Why.TRANSMITTANCE, Why.MISSING, Why.SMALL, Why.BRIGHT]
+    assert blind.why.tolist() == [Reason.TRANSMITTANCE, Reason.MISSING, Reason.SMALL, Reason.BRIGHT]
 
 
 def test_readings_of_the_paper_against_pet_are_no_clear_layer() -> None:

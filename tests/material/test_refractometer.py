@@ -7,7 +7,7 @@ import pytest
 
 from solen.errors import DataError
 from solen.material.index.literature import LINE_C, LINE_D, LINE_F, LINE_HELIUM, RESINS, materials
-from solen.material.index.refractometer import Prior, prior_of, refractometer, stated_prior
+from solen.material.index.refractometer import Prior, prior_of, prior_of_abbe, refractometer
 
 SHARP = Prior(50.0, 0.001, 0.1, 0.001, "nothing")
 
@@ -15,7 +15,7 @@ SHARP = Prior(50.0, 0.001, 0.1, 0.001, "nothing")
 def test_where_it_was_measured_the_index_is_the_measured_one() -> None:
     for nm in (LINE_D, 632.8, 450.0):
         found = refractometer(1.487, 0.0005, nm)
-        n, u_n = found.fit.along(nm)
+        n, u_n = found.fit.indices(nm)
         assert n[0] == pytest.approx(1.487, abs=1e-13)
         assert u_n[0] == pytest.approx(0.0005, rel=1e-9)
         assert found.chi2 == pytest.approx(0, abs=1e-12)
@@ -38,8 +38,8 @@ def test_the_covariance_is_the_spread_of_drawn_dispersions() -> None:
     drawn = []
     for n, abbe, share in rng.normal((1.487, 50.0, 0.1), (0.001, 5.0, 0.1), (2000, 3)):
         one = refractometer(n, 0.001, prior=Prior(abbe, 0.001, share, 0.001, "drawn"))
-        drawn.append(one.fit.along(at)[0])
-    assert refractometer(1.487, 0.001, prior=prior).fit.along(at)[1] == pytest.approx(np.std(drawn, axis=0), rel=0.08)
+        drawn.append(one.fit.indices(at)[0])
+    assert refractometer(1.487, 0.001, prior=prior).fit.indices(at)[1] == pytest.approx(np.std(drawn, axis=0), rel=0.08)
 
 
 DRAWS = 1000
@@ -48,14 +48,14 @@ DRAWS = 1000
 @pytest.mark.parametrize("lines", [(LINE_D,), (LINE_F, LINE_D, LINE_C)])
 def test_the_stated_uncertainty_covers_the_truth(lines: tuple[float, ...]) -> None:
     """Materials drawn from the prior, measured with errors of their own and one that all values share: 95 ± 2.5 %."""
-    rng, prior = np.random.default_rng(2), stated_prior(52.0, 6.0)
+    rng, prior = np.random.default_rng(2), prior_of_abbe(52.0, 6.0)
     at = [450.0, LINE_D, 860.0]
     inside = np.zeros(3)
     for n, power, share in rng.normal((1.49, 1 / 52.0, prior.bend), (0.02, 6.0 / 52.0**2, prior.u_bend), (DRAWS, 3)):
         truth = refractometer(n, 1e-6, prior=Prior(1 / power, 1e-3, share, 1e-3, "drawn"))
-        read = truth.fit.along(lines)[0] + rng.normal(0, 5e-4, len(lines)) + rng.normal(0, 3e-4)
-        value, u = refractometer(read, 5e-4, lines, u_shared=3e-4, prior=prior).fit.along(at)
-        inside += abs(value - truth.fit.along(at)[0]) < 1.96 * u
+        read = truth.fit.indices(lines)[0] + rng.normal(0, 5e-4, len(lines)) + rng.normal(0, 3e-4)
+        value, u = refractometer(read, 5e-4, lines, u_shared=3e-4, prior=prior).fit.indices(at)
+        inside += abs(value - truth.fit.indices(at)[0]) < 1.96 * u
     assert inside / DRAWS == pytest.approx(0.95, abs=0.025)
 
 
@@ -64,7 +64,7 @@ def test_the_prior_covers_the_literature_it_was_made_of() -> None:
     far = []
     for one in materials(RESINS):
         if one.shape is not None and one.range_nm[1] >= 860:
-            n, u_n = refractometer(float(one.index(LINE_D)), 2e-4).fit.along([450.0, 860.0])
+            n, u_n = refractometer(float(one.index(LINE_D)), 2e-4).fit.indices([450.0, 860.0])
             far += list(abs(n - one.index([450.0, 860.0])) / u_n)
     assert len(far) >= 14
     assert np.mean(np.array(far) < 2) > 0.85
@@ -85,17 +85,17 @@ def test_the_prior_is_the_mean_and_spread_of_the_table() -> None:
 def test_values_at_several_wavelengths_outweigh_the_prior() -> None:
     truth = refractometer(1.5, 1e-4, prior=Prior(40.0, 0.001, 0.3, 0.001, "nothing"))
     lines = [430.0, 486.13, 546.1, 589.3, 656.27, 780.0, 860.0]
-    found = refractometer(truth.fit.along(lines)[0], 2e-5, lines)
+    found = refractometer(truth.fit.indices(lines)[0], 2e-5, lines)
     assert found.abbe == pytest.approx(40.0, abs=0.2)
     assert found.u_abbe < 0.5
     assert found.bend == pytest.approx(0.3, abs=0.03)
     assert found.warnings == ()
-    n, u_n = found.fit.along(860.0)
-    assert abs(n[0] - truth.fit.along(860.0)[0]) < 2 * u_n[0] < 1e-4
+    n, u_n = found.fit.indices(860.0)
+    assert abs(n[0] - truth.fit.indices(860.0)[0]) < 2 * u_n[0] < 1e-4
 
 
 def test_values_that_no_polymer_has_are_reported_or_refused() -> None:
-    steep = refractometer([1.512, 1.49, 1.475], 5e-4, [450.0, 589.3, 860.0], prior=stated_prior(60, 3))
+    steep = refractometer([1.512, 1.49, 1.475], 5e-4, [450.0, 589.3, 860.0], prior=prior_of_abbe(60, 3))
     assert "values and prior disagree" in steep.warnings[0]
     assert "prior 60 ± 3" in steep.warnings[0]
     with pytest.raises(DataError, match="the values rise with the wavelength, or fall more than those of any polymer"):
@@ -109,21 +109,21 @@ def test_what_a_single_wavelength_leaves_open_is_reported() -> None:
 
 
 def test_temperature_and_calibration_shift_all_wavelengths_together() -> None:
-    plain = refractometer(1.487, 5e-4, prior=SHARP).fit.along([500.0, 860.0])[1]
-    warm = refractometer(1.487, 5e-4, prior=SHARP, u_temperature_k=5.0).fit.along([500.0, 860.0])[1]
-    elastic = refractometer(1.487, 5e-4, prior=SHARP, u_temperature_k=5.0, dn_dt_per_k=-3e-4).fit.along([500.0])[1]
+    plain = refractometer(1.487, 5e-4, prior=SHARP).fit.indices([500.0, 860.0])[1]
+    warm = refractometer(1.487, 5e-4, prior=SHARP, u_temperature_k=5.0).fit.indices([500.0, 860.0])[1]
+    elastic = refractometer(1.487, 5e-4, prior=SHARP, u_temperature_k=5.0, dn_dt_per_k=-3e-4).fit.indices([500.0])[1]
     assert warm == pytest.approx(np.hypot(plain, 1e-3), rel=0.02)  # a shift of n_D is one of n_F − n_C, too
     assert elastic[0] == pytest.approx(np.hypot(plain[0], 1.5e-3), rel=0.02)
     many = np.linspace(420, 900, 40)
-    n = refractometer(1.487, 5e-4, prior=SHARP).fit.along(many)[0]
-    shared = refractometer(n, 1e-4, many, u_shared=1e-3).fit.along([600.0])[1]
+    n = refractometer(1.487, 5e-4, prior=SHARP).fit.indices(many)[0]
+    shared = refractometer(n, 1e-4, many, u_shared=1e-3).fit.indices([600.0])[1]
     assert shared[0] == pytest.approx(1e-3, rel=0.02)
 
 
 def test_the_order_of_values_does_not_matter() -> None:
     one = refractometer([1.5, 1.49, 1.485], [5e-4, 6e-4, 7e-4], [450.0, 589.3, 860.0])
     other = refractometer([1.485, 1.5, 1.49], [7e-4, 5e-4, 6e-4], [860.0, 450.0, 589.3])
-    for a, b in zip(one.fit.along([450.0, 860.0]), other.fit.along([450.0, 860.0]), strict=True):
+    for a, b in zip(one.fit.indices([450.0, 860.0]), other.fit.indices([450.0, 860.0]), strict=True):
         assert a == pytest.approx(b, rel=1e-9)
 
 
@@ -148,11 +148,11 @@ def test_what_is_no_value_is_refused_in_one_line(arguments: Any, line: str) -> N
 
 def test_what_is_no_prior_is_refused() -> None:
     with pytest.raises(DataError, match="Abbe number = 2; must be from 5 to 200"):
-        stated_prior(2, 0.5)
+        prior_of_abbe(2, 0.5)
     with pytest.raises(
         DataError, match=r"uncertainty of the Abbe number = 40; must be above 0 and below half of V = 50"
     ):
-        stated_prior(50, 40)
+        prior_of_abbe(50, 40)
     with pytest.raises(DataError, match=r"u_temperature_k = -1\.0; must be at least 0"):
         refractometer(1.49, 1e-3, u_temperature_k=-1.0)
     with pytest.raises(DataError, match=r"u_shared = -1\.0; must be at least 0"):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from solen.material.index import high_precision, inversion
 from solen.material.index.fringes import fringe_spacing_nm
-from solen.material.index.inversion import Inverted, invert, invert_many, slopes
+from solen.material.index.inversion import AirInversion, invert, invert_many, slopes
 from solen.material.index.stack import forward, interface_reflectance
 
 LAYERS = [
@@ -146,7 +146,7 @@ def test_many_at_once_are_each_alone(shape: tuple[int, ...]) -> None:
     r, t = rng.uniform(0.03, 0.2, shape), rng.uniform(0.2, 0.95, shape)
     wavelength = np.linspace(400.0, 900.0, shape[-1]) if shape else 500.0
     n, k = invert_many(r, t, 30.0, wavelength)
-    found: Inverted = invert(r, t, 30.0, wavelength)
+    found: AirInversion = invert(r, t, 30.0, wavelength)
     np.testing.assert_array_equal(n, found.n)
     np.testing.assert_array_equal(k, found.k)
     assert n.shape == shape

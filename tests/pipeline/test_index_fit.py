@@ -24,7 +24,7 @@ def test_a_formula_through_few_repeats_covers_the_truth(repeats: int) -> None:
         many_r, many_t = (one + rng.normal(0.0, 1e-3, (repeats, NM.size)) for one in (r, t))
         found, _ = formula_through(measured(NM, reading(many_t), reading(many_r), Length(25.0)), "cauchy", 2)
         assert isinstance(found, Fit)
-        n, u = found.model.along(AT)
+        n, u = found.model.indices(AT)
         off.append((n - truth) / u)
     assert np.mean(np.abs(off) < 1.96) > 0.90
     assert np.mean(np.abs(off) < 1.0) < 0.85  # nor is it so wide that it says nothing
@@ -38,6 +38,6 @@ def test_repeats_that_agree_to_the_digit_at_one_wavelength_do_not_decide_the_for
     many_r[:, 45], many_t[:, 45] = r[45] + 2e-3, t[45]  # 0.008 in n
     found, _ = formula_through(measured(NM, reading(many_t), reading(many_r), Length(25.0)), "cauchy", 2)
     assert isinstance(found, Fit)
-    n, u = found.model.along(NM[45])
+    n, u = found.model.indices(NM[45])
     assert n[0] == pytest.approx(N[45], abs=3.0 * u[0])
     assert u[0] > 1e-4

@@ -120,7 +120,7 @@ def test_what_is_not_said_or_cannot_be_is_refused(tmp_path: Path, more: dict[str
 
 def test_a_substrate_that_is_not_known_there_is_reported(tmp_path: Path) -> None:
     t = on_substrate(N, 0.0, 25.0, NM, Setup(SHEET)).T
-    with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; it is known only from 436\.8 to 1052 nm"):
+    with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; is known only from 436\.8 to 1052 nm"):
         found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "pc"})
 
 
