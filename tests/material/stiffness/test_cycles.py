@@ -10,7 +10,7 @@ from solen.material.stiffness import (
     cycles_of,
     loading_branch,
     loading_curve,
-    rereferenced,
+    relative_to_last_cycle,
     softening,
     specimen_of,
 )
@@ -105,12 +105,12 @@ def test_a_strain_that_only_falls_is_refused() -> None:
 def test_a_later_cycle_is_counted_from_what_the_earlier_left() -> None:
     """Stretch over stretch, and force over the area that is left: F/A₁ = F/A₀ · λ_left."""
     made = cycled()
-    again = rereferenced(made)
+    again = relative_to_last_cycle(made)
     left = 1 + (cycles_of(made)[-2].residual_strain or 0)
     np.testing.assert_allclose(again.stretch * left, made.stretch)
     np.testing.assert_allclose(again.stress_MPa, made.stress_MPa * left)
     np.testing.assert_allclose(again.true_stress_MPa, made.true_stress_MPa)  # force over present area: the same
-    assert rereferenced(cycled((0.4,))).strain is not None
+    assert relative_to_last_cycle(cycled((0.4,))).strain is not None
 
 
 def test_a_curve_to_fit_is_no_denser_than_it_needs() -> None:

@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from solen.errors import DataError, SpecError
-from solen.material.stiffness import Dimensions, held_ends, specimen_of
+from solen.material.stiffness import Dimensions, bonded_ratio, specimen_of
 from solen.material.stiffness.specimen import number_in
 
 
@@ -93,16 +93,16 @@ def test_a_file_with_a_length_of_zero_is_refused() -> None:
 
 
 def test_held_ends_of_limits() -> None:
-    assert held_ends(0.001) == pytest.approx(1, abs=0.001)
-    assert held_ends(0.25) == 1.232
-    assert held_ends(5.0) is None
+    assert bonded_ratio(0.001) == pytest.approx(1, abs=0.001)
+    assert bonded_ratio(0.25) == 1.232
+    assert bonded_ratio(5.0) is None
 
 
 @pytest.mark.parametrize(("height", "shape_factor"), [(1.0, 0.25), (2.0, 0.125), (0.5, 0.5)])
 def test_held_ends_by_finite_elements(height: float, shape_factor: float) -> None:
     """The table against elements of our own on an eighth of a block, two meshes extrapolated."""
     coarse, fine = apparent_modulus(4, height, held=True), apparent_modulus(8, height, held=True)
-    assert held_ends(shape_factor) == pytest.approx(2 * fine - coarse, rel=0.005)  # the error falls as 1/n
+    assert bonded_ratio(shape_factor) == pytest.approx(2 * fine - coarse, rel=0.005)  # the error falls as 1/n
 
 
 def test_sliding_ends_show_the_material() -> None:
