@@ -91,7 +91,7 @@ def test_a_process_takes_the_law_and_its_uncertainty() -> None:
     law, settings = process.process.law, process.process
     terms = terms_at(settings, 20, 10 * 25.0 + 12.5)
     doses = settings.exposures(20)
-    fine = CureLaw(law.Dp_um, law.Ec_mJ_per_cm2, law.lines).received(np.repeat(doses, 1), 25.0)
+    fine = CureLaw(law.Dp_um, law.Ec_mJ_per_cm2, law.lines).mean_doses(np.repeat(doses, 1), 25.0)
     assert terms.total == pytest.approx(fine[10], rel=0.03)  # in the middle of a layer, and its mean
 
 

@@ -134,9 +134,9 @@ def test_two_wavelengths_harden_with_depth() -> None:
     assert found.local_um(5000.0) == pytest.approx(weak, rel=1e-6)
     depths = np.array([0.0, 50.0, 300.0])
     expected = 0.5 * (np.exp(-depths / strong) + np.exp(-depths / weak))
-    assert found.share(depths) == pytest.approx(expected, rel=1e-12)
+    assert found.transmitted(depths) == pytest.approx(expected, rel=1e-12)
     step = 1e-3
-    slope = math.log(found.share(np.array([50.0]))[0] / found.share(np.array([50.0 + step]))[0]) / step
+    slope = math.log(found.transmitted(np.array([50.0]))[0] / found.share(np.array([50.0 + step]))[0]) / step
     assert found.local_um(50.0 + step / 2) == pytest.approx(1.0 / slope, rel=1e-6)
     assert found.local_um(25.0) < found.between_um(25.0, 200.0) < found.local_um(200.0)
 

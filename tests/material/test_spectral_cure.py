@@ -12,7 +12,7 @@ from solen.errors import DataError
 from solen.material.cure import CureOptions
 from solen.material.cure.curve import working_curve
 from solen.material.cure.penetration import Attenuation, PenetrationOptions
-from solen.material.cure.spectral import ONE_LINE, depth, in_lamp, lamp_lines, left
+from solen.material.cure.spectral import ONE_LINE, depth, fit_spectral_law, lamp_lines, transmitted
 from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.penetration import penetration
 
@@ -53,7 +53,7 @@ def test_a_few_lines_leave_what_the_whole_spectrum_leaves() -> None:
     assert sum(share for share, _ in lines) == pytest.approx(1.0)
     assert sum(share * absorption for share, absorption in lines) == pytest.approx(1.0)
     for um in (10.0, 50.0, 100.0, 200.0, 300.0, 500.0):
-        assert float(left(lines, um / surface_um())) == pytest.approx(integrated_dose(um), rel=5e-3)
+        assert float(transmitted(lines, um / surface_um())) == pytest.approx(integrated_dose(um), rel=5e-3)
 
 
 def test_penetration_depth_grows_with_depth_as_the_slope_of_the_integral_does() -> None:
@@ -69,7 +69,7 @@ def test_the_depth_is_where_the_dose_is_critical() -> None:
     lines = lamp_lines(decay())
     for dose in (8.0, 20.0, 100.0, 1000.0):
         um = surface_um() * float(depth(lines, np.log(dose / 6.0)))
-        assert dose * float(left(lines, um / surface_um())) == pytest.approx(6.0, rel=1e-9)
+        assert dose * float(transmitted(lines, um / surface_um())) == pytest.approx(6.0, rel=1e-9)
         assert um == pytest.approx(cured_um(dose, 6.0), rel=5e-3)
     assert np.allclose(depth(ONE_LINE, [-0.5, 0.0, 2.0]), [-0.5, 0.0, 2.0])
     assert float(depth(lines, -0.3)) < 0.0
@@ -80,7 +80,7 @@ def test_discs_of_such_a_lamp_prefer_its_law_and_give_its_numbers_back() -> None
     true = np.array([cured_um(dose, 6.0) for dose in DOSES])
     for seed in range(40):
         um = true * (1.0 + 0.02 * np.random.default_rng(seed).standard_normal(true.size))
-        fit = in_lamp(working_curve(DOSES, um, keep_all=True), lines, surface_um(), "lamp")
+        fit = fit_spectral_law(working_curve(DOSES, um, keep_all=True), lines, surface_um(), "lamp")
         assert fit.preferred == "spectrum"
         hits += abs(fit.Dp_um - surface_um()) < 2.09 * fit.u_Dp_um
         ratios.append(fit.Dp_um / surface_um())
@@ -91,16 +91,16 @@ def test_discs_of_such_a_lamp_prefer_its_law_and_give_its_numbers_back() -> None
 def test_discs_of_one_wavelength_prefer_jacobs_law() -> None:
     rng = np.random.default_rng(3)
     um = 90.0 * np.log(DOSES / 6.0) * (1.0 + 0.02 * rng.standard_normal(DOSES.size))
-    fit = in_lamp(working_curve(DOSES, um, keep_all=True), lamp_lines(decay()), 90.0, "lamp")
+    fit = fit_spectral_law(working_curve(DOSES, um, keep_all=True), lamp_lines(decay()), 90.0, "lamp")
     assert fit.preferred == "Jacobs"
-    alone = in_lamp(working_curve(DOSES, um, keep_all=True), ONE_LINE, 90.0, "laser")
+    alone = fit_spectral_law(working_curve(DOSES, um, keep_all=True), ONE_LINE, 90.0, "laser")
     assert alone.preferred is None
     assert alone.rms_um == pytest.approx(alone.jacobs_rms_um)
 
 
 def test_the_dose_inside_a_part_is_that_of_all_layers_line_by_line() -> None:
     um = np.array([cured_um(dose, 6.0) for dose in DOSES]) * (1.0 + 1e-3 * np.sin(np.arange(DOSES.size)))
-    fit = in_lamp(working_curve(DOSES, um, keep_all=True), lamp_lines(decay()), surface_um(), "lamp")
+    fit = fit_spectral_law(working_curve(DOSES, um, keep_all=True), lamp_lines(decay()), surface_um(), "lamp")
     heights = np.linspace(0.0, 25.0, 251)
     piled = np.array([sum(26.0 * integrated_dose(25.0 * later + s) for later in range(160)) for s in heights])
     mean = float(np.trapezoid(piled, heights) / 25.0)
