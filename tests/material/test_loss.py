@@ -10,7 +10,7 @@ from solen.material.loss import (
     GuideLoss,
     absorption_per_mm,
     cut_back,
-    full_level_dB,
+    launched_level_dB,
     levels_dB,
     smallest_loss_dB_per_cm,
 )
@@ -90,14 +90,14 @@ def test_readings_without_light_are_refused(readings: list[float], unit: str, da
 
 
 def test_what_was_launched_is_known_or_not() -> None:
-    assert full_level_dB("mW", 2.0, [1.0]) == pytest.approx(3.0103, abs=1e-4)
-    assert full_level_dB("mW", None, [1.0]) is None
-    assert full_level_dB("%", None, [50.0]) == pytest.approx(20.0)
-    assert full_level_dB("%", None, [150.0]) is None  # a share of something else
-    assert full_level_dB("dB", None, [-3.0]) == 0.0
-    assert full_level_dB("dBm", 3.0, [-3.0]) == 3.0
+    assert launched_level_dB("mW", 2.0, [1.0]) == pytest.approx(3.0103, abs=1e-4)
+    assert launched_level_dB("mW", None, [1.0]) is None
+    assert launched_level_dB("%", None, [50.0]) == pytest.approx(20.0)
+    assert launched_level_dB("%", None, [150.0]) is None  # a share of something else
+    assert launched_level_dB("dB", None, [-3.0]) == 0.0
+    assert launched_level_dB("dBm", 3.0, [-3.0]) == 3.0
     with pytest.raises(DataError, match="above 0 mW"):
-        full_level_dB("mW", -1.0, [1.0])
+        launched_level_dB("mW", -1.0, [1.0])
 
 
 def test_the_interval_of_guides_read_often_holds_the_truth() -> None:

@@ -8,12 +8,12 @@ from scipy import stats
 
 from solen.material.regression import (
     MIN_DF,
-    chance,
     f_tail,
     fitted,
-    ranks,
+    frequency,
+    group_covariance,
+    group_numbers,
     rosner_outliers,
-    shared,
     t_quantile,
     t_tail,
 )
@@ -84,7 +84,7 @@ def test_a_balanced_random_effect_is_the_analysis_of_variance() -> None:
     means = np.array([y[groups == g].mean() for g in range(6)])
     inside = float(np.sum((y - means[groups]) ** 2)) / 18
     between = 4.0 * float(np.var(means, ddof=1))
-    effect = shared(groups.tolist())
+    effect = group_covariance(groups.tolist())
     assert effect is not None
     fit = fitted(np.ones((24, 1)), y, effects=[effect])
     assert fit.sigma**2 == pytest.approx(inside, rel=1e-4)
@@ -94,15 +94,15 @@ def test_a_balanced_random_effect_is_the_analysis_of_variance() -> None:
 
 
 def test_an_effect_that_is_not_there_or_that_the_design_has_is_left_out() -> None:
-    assert shared(["a", "b", "c"]) is None
-    everything = shared(["a"] * 6)
+    assert group_covariance(["a", "b", "c"]) is None
+    everything = group_covariance(["a"] * 6)
     assert everything is not None
     fit = fitted(LINE, Y, effects=[everything])  # one group: its effect is the line's start
     assert fit.effect_sigmas == (0.0,)
     assert fit.covariance == pytest.approx(fitted(LINE, Y).covariance)
     groups = np.tile(np.arange(3), 2)
     apart = Y - np.array([0.1, 0.0, -0.1])[groups] * np.repeat([1.0, -1.0], 3)  # means of groups scatter less than half
-    pairs = shared(groups.tolist())
+    pairs = group_covariance(groups.tolist())
     assert pairs is not None
     assert fitted(LINE, apart, effects=[pairs]).effect_sigmas[0] >= 0.0
 
@@ -113,7 +113,9 @@ def test_a_random_slope_is_that_of_groups() -> None:
     x, groups = np.tile(np.linspace(-1.0, 1.0, 20), 5), np.repeat(np.arange(5), 20)
     slopes = 2.0 + rng.normal(0.0, 1.0, 5)
     y = slopes[groups] * x + rng.normal(0.0, 0.01, 100)
-    effects = [one for one in (shared(groups.tolist()), shared(groups.tolist(), x)) if one is not None]
+    effects = [
+        one for one in (group_covariance(groups.tolist()), group_covariance(groups.tolist(), x)) if one is not None
+    ]
     fit = fitted(np.column_stack([np.ones(100), x]), y, effects=effects)
     own = [np.polyfit(x[groups == g], y[groups == g], 1)[0] for g in range(5)]
     assert fit.parameters[1] == pytest.approx(np.mean(own), rel=1e-3)
@@ -126,7 +128,7 @@ def test_a_covariance_from_residuals_is_hc2() -> None:
     rng = np.random.default_rng(5)
     y = np.concatenate([rng.normal(0.0, 1.0, 6), rng.normal(3.0, 5.0, 9)])
     which = np.repeat([0.0, 1.0], (6, 9))
-    fit = fitted(np.column_stack([1.0 - which, which]), y, guessed=True)
+    fit = fitted(np.column_stack([1.0 - which, which]), y, robust=True)
     variances = [np.var(y[which == g], ddof=1) / np.sum(which == g) for g in (0.0, 1.0)]
     assert np.diag(fit.covariance) == pytest.approx(variances, rel=1e-12)
     assert fit.df((1.0, 0.0)) == pytest.approx(5.0)
@@ -138,7 +140,7 @@ def test_a_covariance_from_residuals_is_hc2() -> None:
 def test_the_freedom_of_a_covariance_from_residuals_is_that_of_its_matrices() -> None:
     """Bell and McCaffrey's ratio with the residuals' covariance written out, n by n."""
     weights = np.array([1.0, 4.0, 0.5, 2.0, 1.0, 0.3])
-    fit = fitted(LINE, Y, weights=weights, guessed=True)
+    fit = fitted(LINE, Y, weights=weights, robust=True)
     rows = np.linalg.solve(LINE.T @ (weights[:, None] * LINE), LINE.T * weights)
     left = np.eye(6) - LINE @ rows
     residuals = left @ np.diag(1.0 / weights) @ left.T
@@ -151,7 +153,7 @@ def test_the_freedom_of_a_covariance_from_residuals_is_that_of_its_matrices() ->
 def test_a_covariance_from_residuals_keeps_some_freedom() -> None:
     design, y = np.tile(LINE, (2, 1)), np.concatenate([Y, Y + 0.1])
     weights = np.array([1e6] + [1.0] * 11)  # one point decides the value there nearly alone
-    fit = fitted(design, y, weights=weights, guessed=True)
+    fit = fitted(design, y, weights=weights, robust=True)
     assert fit.df((1.0, 1.0)) == MIN_DF * 10
 
 
@@ -175,6 +177,6 @@ def test_quantiles_and_tails_are_those_of_scipy() -> None:
     assert t_quantile(0.95, 3.7) == pytest.approx(stats.t.ppf(0.975, 3.7))
     assert t_tail(-2.1, 5.0) == pytest.approx(2.0 * stats.t.sf(2.1, 5.0))
     assert f_tail(3.0, 2.0, 7.0) == pytest.approx(stats.f.sf(3.0, 2.0, 7.0))
-    assert ranks(["b", "a", "b"]).tolist() == [0, 1, 0]
-    assert chance(0.0301) == "in 3 % of such tables"
-    assert chance(1e-9) == "in less than 0.1 % of such tables"
+    assert group_numbers(["b", "a", "b"]).tolist() == [0, 1, 0]
+    assert frequency(0.0301) == "in 3 % of such tables"
+    assert frequency(1e-9) == "in less than 0.1 % of such tables"
