@@ -181,7 +181,7 @@ def test_a_singular_covariance_is_accepted() -> None:
         (Constant, {"n": math.nan}, "index.n = nan; must be a finite number"),
         (Constant, {}, "index.n; missing; add it"),
         (Constant, {"n": 1.5, "u_n": -1}, "index.u_n = -1; must be at least 0"),
-        (Constant, {"n": 1.5, "valid_nm": [700, 400]}, "index.valid_nm = [700.0, 400.0]; must ascend"),
+        (Constant, {"n": 1.5, "valid_nm": [700, 400]}, "index.valid_nm = [700.0, 400.0]; must be in ascending order"),
         (Constant, {"n": 1.5, "valid_nm": [0, 400]}, "index.valid_nm[0] = 0; must be greater than 0"),
         (Cauchy, {"A": 1.5, "B": 1}, "index.B; unknown key"),
         (Cauchy, {"A": 1.5, "B_um": 1}, "index.B_um; unknown key; did you mean index.B_um2?"),
@@ -194,12 +194,12 @@ def test_a_singular_covariance_is_accepted() -> None:
         (
             Tabulated,
             {"wavelength_nm": [500, 400], "n": [1.4, 1.5]},
-            "index.wavelength_nm = [500.0, 400.0]; must ascend",
+            "index.wavelength_nm = [500.0, 400.0]; must be in ascending order",
         ),
         (
             Tabulated,
             {"wavelength_nm": [400, 400], "n": [1.4, 1.5]},
-            "index.wavelength_nm = [400.0, 400.0]; must ascend",
+            "index.wavelength_nm = [400.0, 400.0]; must be in ascending order",
         ),
         (Tabulated, {"wavelength_nm": [400, 500], "n": [1.4, 0.9]}, "index.n = 0.9; must be at least 1"),
         (Tabulated, {"wavelength_nm": "x", "n": [1.4, 0.9]}, "index.wavelength_nm = 'x'; must be a list"),

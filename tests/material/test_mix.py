@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from solen.errors import SpecError
-from solen.material.mix import Component, MixOptions, check_components, of_whole, on_base, weighed, with_known
+from solen.material.mix import Component, MixOptions, check_components, of_whole, on_base, weighed, with_properties
 
 PAPER = (Component("RA-139", 75.0), Component("lauryl acrylate", 25.0))
 
@@ -72,7 +72,7 @@ def test_the_worst_share_is_that_of_all_half_steps() -> None:
 
 
 def test_volumes_and_the_index_follow_from_densities() -> None:
-    known = with_known(PAPER, {"RA-139": 1.10, "lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
+    known = with_properties(PAPER, {"RA-139": 1.10, "lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
     found = weighed(of_whole(known), MixOptions(total_g=100.0))
     base, additive = found.components
     assert base.volume_mL == pytest.approx(75.0 / 1.10)
@@ -85,12 +85,12 @@ def test_volumes_and_the_index_follow_from_densities() -> None:
 
 
 def test_an_index_is_estimated_from_all_or_from_none() -> None:
-    known = with_known(PAPER, {"lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
+    known = with_properties(PAPER, {"lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
     found = weighed(of_whole(known), MixOptions(total_g=100.0))
     assert found.index_estimate is None
     assert [one.volume_mL is None for one in found.components] == [True, False]
     assert [one.volume_percent for one in found.components] == [None, None]
-    same = with_known(PAPER, {"RA-139": 1.1, "lauryl acrylate": 0.9}, {"RA-139": 1.5, "lauryl acrylate": 1.5})
+    same = with_properties(PAPER, {"RA-139": 1.1, "lauryl acrylate": 0.9}, {"RA-139": 1.5, "lauryl acrylate": 1.5})
     assert weighed(of_whole(same), MixOptions(total_g=1.0)).index_estimate == pytest.approx(1.5)
 
 
@@ -119,8 +119,8 @@ def test_what_is_no_mixture_is_reported() -> None:
     assert "share of b = -1.0; must be above 0" in told(lambda: check_components([part("a", 50.0), part("b", -1.0)]))
     assert "density of a" in told(lambda: check_components([part("a", 50.0, 0.0), part("b", 50.0)]))
     assert "index of b = 0.9" in told(lambda: check_components([part("a", 50.0), part("b", 50.0, None, 0.9)]))
-    assert "density of LA; is not a component" in told(lambda: with_known(PAPER, {"LA": 0.9}, {}))
-    assert "did you mean RA-139?" in told(lambda: with_known(PAPER, {}, {"RA139": 1.5}))
+    assert "density of LA; is not a component" in told(lambda: with_properties(PAPER, {"LA": 0.9}, {}))
+    assert "did you mean RA-139?" in told(lambda: with_properties(PAPER, {}, {"RA139": 1.5}))
 
 
 @pytest.mark.parametrize(

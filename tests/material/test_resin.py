@@ -208,7 +208,7 @@ def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(
 
 
 def test_a_wavelength_that_the_resin_does_not_know_is_reported(tmp_path: Path) -> None:
-    line = "^resin mine: index at 950 nm; it is known only from 400 to 900 nm; choose a wavelength inside"
+    line = "^resin mine: index at 950 nm; is known only from 400 to 900 nm; choose a wavelength inside"
     with pytest.raises(SolenError, match=line):
         optical(designed(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
 

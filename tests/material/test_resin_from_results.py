@@ -139,7 +139,7 @@ def test_a_loss_is_kept_with_its_interval_in_its_unit() -> None:
     assert loss.absorption_per_mm == pytest.approx(one_db_per_cm)
     assert (loss.u_absorption_per_mm, loss.wavelength_nm) == (0.004, 860.0)
     assert loss.interval95_per_mm == pytest.approx((0.6 * one_db_per_cm, 1.4 * one_db_per_cm))
-    (source,) = found.found_from()
+    (source,) = found.measured_files()
     assert (source.of, source.file, source.sha256, source.date) == ("loss", "guides.csv", "ab" * 32, "")
 
 
@@ -245,7 +245,7 @@ def test_of_several_materials_one_is_named() -> None:
     ]
     found = StiffnessResult(**groups[0], groups=groups, sources=[{"file": "a.csv"}, {"file": "m.csv"}])
     assert found.as_table(Selection(label="ma-PU")).modulus_MPa == 1.5
-    assert [one.file for one in found.found_from(Selection(label="ma-PU"))] == ["m.csv"]
+    assert [one.file for one in found.measured_files(Selection(label="ma-PU"))] == ["m.csv"]
     with pytest.raises(DataError, match="the result contains a-PU, ma-PU; name the material"):
         found.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
@@ -280,7 +280,7 @@ def test_whatever_stands_in_a_result_it_is_a_table_or_a_line(data: st.DataObject
     refusal = ""
     try:
         found = READERS[kind](**document)
-        table, _ = found.as_table(), found.found_from()
+        table, _ = found.as_table(), found.measured_files()
     except DataError as bad:
         refusal = str(bad)
     if refusal:
