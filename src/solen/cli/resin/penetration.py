@@ -18,6 +18,6 @@ def _(penetration: Penetration) -> Iterator[str]:
             f"Dp {penetration.between_Dp_um:.4g} µm between {shallow:g} and {deep:g} µm, as from a working curve "
             "of discs of these thicknesses"
         )
-    both = zip(penetration.spectral_Dp_um.tolist(), penetration.wavelength_nm.tolist(), strict=True)
-    if known := [(Dp_um, nm) for Dp_um, nm in both if math.isfinite(Dp_um)]:
-        yield "shortest: {:.4g} µm, at {:g} nm".format(*min(known))
+    pairs = zip(penetration.spectral_Dp_um.tolist(), penetration.wavelength_nm.tolist(), strict=True)
+    if known := [(Dp_um, nm) for Dp_um, nm in pairs if math.isfinite(Dp_um)]:
+        yield "shortest Dp of a single wavelength: {:.4g} µm, at {:g} nm".format(*min(known))
