@@ -193,7 +193,7 @@ def group_covariance(groups: Sequence[Hashable], factors: ArrayLike | None = Non
     ``factors``, shape (n,), multiply the effect, for slopes that differ between groups.
     """
     number = group_numbers(groups)
-    same = (number[:, None] == number[None, :]).astype(float)
+    same: FloatArray = (number[:, None] == number[None, :]).astype(float)
     if same.sum() == len(number):
         return None
     if factors is None:

@@ -157,9 +157,9 @@ def reading(repeats: ArrayLike, u_accuracy: ArrayLike | None = None, *, name: st
     rows = np.atleast_2d(np.asarray(repeats, dtype=float))
     count, points = rows.shape
     u = np.broadcast_to(np.asarray(0.0 if u_accuracy is None else u_accuracy, dtype=float), points)
-    if ((u < 0.0) | (u >= 1.0)).any():
+    if (invalid := u[(u < 0.0) | (u >= 1.0)]).size:
         limit = "must be a fraction of at least 0 and below 1"
-        raise DataError(f"specified uncertainty of {name}", value=f"{np.nanmax(np.abs(u)):g}", limit=limit)
+        raise DataError(f"specified uncertainty of {name}", value=float(invalid[0]), limit=limit)
     if count == 1:
         zeros = np.zeros(points)
         return Reading(rows[0], zeros, np.stack([zeros, u]), known=u_accuracy is not None)
