@@ -160,7 +160,7 @@ def fit(
     if not fits:
         count, reason = next(iter(refused.items()))
         remedy = "use fewer terms or the other formula" if terms is None or terms > 1 else "use the other formula"
-        raise DataError(f"{kind} fit of {count} term{'s' if count > 1 else ''}", limit=reason, remedy=remedy)
+        raise DataError(f"{kind} fit with {count} term{'s' if count > 1 else ''}", limit=reason, remedy=remedy)
     aicc = _aicc(fits, points)
     return _result(kind, min(aicc, key=lambda count: aicc[count]), fits, points, aicc, refused)
 

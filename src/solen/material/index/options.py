@@ -152,9 +152,9 @@ class IndexOptions(RowOptions):
                 raise refused(name, "is missing", remedy="name T and R of both the layer and its bare substrate")
         for name in ("baseline", "substrate_thickness_um"):
             if getattr(self, name) is None:
-                raise refused(name, "is required with traces of a bare substrate", remedy="specify it")
+                raise refused(name, "is required with traces of the bare substrate", remedy="specify it")
         if self.mode is not None:
-            limit = "cannot be combined with traces of a bare substrate"
+            limit = "cannot be combined with traces of the bare substrate"
             raise refused("mode", limit, value=self.mode, remedy="omit it")
         return self
 
