@@ -328,9 +328,9 @@ def _check_count(used: tuple[Disc, ...], omitted: list[OmittedDisc]) -> None:
     doses = {disc.dose_mJ_per_cm2 for disc in used}
     if len(doses) >= 2 and len(used) >= 3:
         return
-    discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(omitted)} omitted)" if omitted else "")
-    remedy = "cure three discs at each of at least five doses"
-    raise DataError("working curve: discs", value=discs, limit="requires at least 3 discs at 2 doses", remedy=remedy)
+    counts = f"discs: {len(used)}, doses: {len(doses)}" + (f"; {len(omitted)} discs omitted" if omitted else "")
+    limit = f"requires at least 3 discs at 2 doses ({counts})"
+    raise DataError("working curve", limit=limit, remedy="cure three discs at each of at least five doses")
 
 
 def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
