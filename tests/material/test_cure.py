@@ -45,13 +45,13 @@ def coverage(name: str, scatter: Scatter, draws: int, seed: int, dose: FloatArra
 
 
 def test_exact_points_yield_their_curve() -> None:
-    found = working_curve(DOSES, depth_of(DOSES))
-    assert found.Dp_um == pytest.approx(DP, rel=1e-12)
-    assert found.Ec_mJ_per_cm2 == pytest.approx(EC, rel=1e-12)
-    assert found.left_out == ()
-    assert found.interval95_Dp_um == pytest.approx((DP, DP), rel=1e-6)
-    assert found.depth_um([EC, 39.0]) == pytest.approx([0.0, DP * math.log(39.0 / EC)], abs=1e-9)
-    assert found.dose_mJ_per_cm2(200.0) == pytest.approx(EC * math.exp(200.0 / DP), rel=1e-12)
+    curve = working_curve(DOSES, depth_of(DOSES))
+    assert curve.Dp_um == pytest.approx(DP, rel=1e-12)
+    assert curve.Ec_mJ_per_cm2 == pytest.approx(EC, rel=1e-12)
+    assert curve.left_out == ()
+    assert curve.interval95_Dp_um == pytest.approx((DP, DP), rel=1e-6)
+    assert curve.depth_um([EC, 39.0]) == pytest.approx([0.0, DP * math.log(39.0 / EC)], abs=1e-9)
+    assert curve.dose_mJ_per_cm2(200.0) == pytest.approx(EC * math.exp(200.0 / DP), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["5 % of thickness", "5 µm"])
@@ -98,10 +98,10 @@ def test_the_scatter_law_is_estimated() -> None:
     dose = np.repeat(np.geomspace(10.0, 200.0, 12), 12)
     depth = depth_of(dose)
     for power, sd in ((1.0, 0.05 * depth), (0.0, np.full(144, 5.0))):
-        found = working_curve(dose, depth + sd * rng.normal(size=144))
-        assert found.scatter_exponent == power
-        assert found.sd_thickness_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
-        assert found.disc_sigma_um(300.0) == pytest.approx(15.0 if power else 5.0, rel=0.25)
+        curve = working_curve(dose, depth + sd * rng.normal(size=144))
+        assert curve.scatter_exponent == power
+        assert curve.sd_thickness_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
+        assert curve.disc_sigma_um(300.0) == pytest.approx(15.0 if power else 5.0, rel=0.25)
 
 
 def test_covariances_agree_with_finite_differences() -> None:
@@ -113,34 +113,34 @@ def test_covariances_agree_with_finite_differences() -> None:
         varied = working_curve(DOSES, values, scatter="constant", keep_all=True)
         return np.array([varied.Dp_um, varied.ln_Ec])
 
-    found = working_curve(DOSES, thick, scatter="constant", keep_all=True)
-    assert not found.by_dose
+    curve = working_curve(DOSES, thick, scatter="constant", keep_all=True)
+    assert not curve.by_dose
     slopes = np.array([(parameters(thick + 1e-4 * np.eye(24)[k]) - parameters(thick)) / 1e-4 for k in range(24)])
-    expected = found.fit.sigma**2 * slopes.T @ slopes
-    assert found.covariance_ln == pytest.approx(expected, rel=1e-4)
-    scale = np.array([1.0, found.Ec_mJ_per_cm2])
-    assert found.covariance == pytest.approx(expected * np.outer(scale, scale), rel=1e-4)
-    assert found.u_ln_Ec == pytest.approx(math.sqrt(expected[1, 1]), rel=1e-4)
-    assert found.u_Dp_um == pytest.approx(math.sqrt(expected[0, 0]), rel=1e-4)
+    expected = curve.fit.sigma**2 * slopes.T @ slopes
+    assert curve.covariance_ln == pytest.approx(expected, rel=1e-4)
+    scale = np.array([1.0, curve.Ec_mJ_per_cm2])
+    assert curve.covariance == pytest.approx(expected * np.outer(scale, scale), rel=1e-4)
+    assert curve.u_ln_Ec == pytest.approx(math.sqrt(expected[1, 1]), rel=1e-4)
+    assert curve.u_Dp_um == pytest.approx(math.sqrt(expected[0, 0]), rel=1e-4)
 
 
 def test_the_interval_of_a_dose_ends_where_the_band_of_the_curve_reaches_the_depth() -> None:
     """Fieller's limits; with constant scatter, the degrees of freedom are the same everywhere."""
     rng = np.random.default_rng(71)
-    found = working_curve(DOSES, depth_of(DOSES) + 5.0 * rng.normal(size=24), scatter="constant")
+    curve = working_curve(DOSES, depth_of(DOSES) + 5.0 * rng.normal(size=24), scatter="constant")
     for depth in (0.0, 100.0):
-        ends = found.dose_interval95(depth)
+        ends = curve.dose_interval95(depth)
         assert ends is not None
         for end, side in zip(ends, (1.0, -1.0), strict=True):
-            edge = found.depth_um(end) + side * found.half_width_um(end)
+            edge = curve.depth_um(end) + side * curve.half_width_um(end)
             assert float(edge) == pytest.approx(depth, abs=1e-6)
 
 
 def test_a_slope_compatible_with_zero_yields_no_interval_of_dose() -> None:
-    found = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
-    assert found.interval95_Ec_mJ_per_cm2 is None
-    assert found.interval95_Dp_um[0] < 0.0
-    assert any("too uncertain" in line for line in cautions(found))
+    curve = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
+    assert curve.interval95_Ec_mJ_per_cm2 is None
+    assert curve.interval95_Dp_um[0] < 0.0
+    assert any("too uncertain" in line for line in cautions(curve))
 
 
 def test_the_band_of_discs_covers_a_further_disc() -> None:
@@ -149,9 +149,9 @@ def test_the_band_of_discs_covers_a_further_disc() -> None:
     truth = float(depth_of(np.array([dose]))[0])
     covered = 0
     for _ in range(draws):
-        found = working_curve(DOSES, depth + 5.0 * rng.normal(size=24), scatter="constant")
-        half = float(found.half_width_um(dose, of_one_disc=True))
-        covered += abs(truth + 5.0 * rng.normal() - float(found.depth_um(dose))) <= half
+        curve = working_curve(DOSES, depth + 5.0 * rng.normal(size=24), scatter="constant")
+        half = float(curve.half_width_um(dose, of_one_disc=True))
+        covered += abs(truth + 5.0 * rng.normal() - float(curve.depth_um(dose))) <= half
     assert abs(covered / draws - 0.95) < 3.5 * math.sqrt(0.95 * 0.05 / draws)
 
 
@@ -160,11 +160,11 @@ def test_outliers_are_listed_and_do_not_affect_the_curve() -> None:
     thick = depth_of(DOSES) * (1.0 + 0.05 * rng.normal(size=24))
     thick[10] *= 0.4  # torn
     thick[20] *= 10.0  # a misplaced decimal point
-    found = working_curve(DOSES, thick)
-    assert {omitted.disc.row for omitted in found.left_out} == {11, 21}
-    assert all(omitted.t is not None and abs(omitted.t) > 4.0 for omitted in found.left_out)
-    assert all(covers(found))
-    assert "row 11" in cautions(found)[0]
+    curve = working_curve(DOSES, thick)
+    assert {omitted.disc.row for omitted in curve.left_out} == {11, 21}
+    assert all(omitted.t is not None and abs(omitted.t) > 4.0 for omitted in curve.left_out)
+    assert all(covers(curve))
+    assert "row 11" in cautions(curve)[0]
     assert abs(working_curve(DOSES, thick, keep_all=True).Dp_um - DP) > 30.0
 
 
@@ -172,35 +172,35 @@ def test_all_discs_of_a_thin_dose_are_omitted() -> None:
     """Omitting single discs by their measured thickness would keep the thickest discs of a dose, a bias."""
     thick = depth_of(DOSES)
     thick[0] += 30.0
-    found = working_curve(DOSES, thick, min_thickness_um=60.0)
-    assert [omitted.disc.row for omitted in found.left_out] == [1, 2, 3]
-    assert "below 60 µm" in found.left_out[0].reason
-    assert found.Dp_um == pytest.approx(DP)
+    curve = working_curve(DOSES, thick, min_thickness_um=60.0)
+    assert [omitted.disc.row for omitted in curve.left_out] == [1, 2, 3]
+    assert "below 60 µm" in curve.left_out[0].reason
+    assert curve.Dp_um == pytest.approx(DP)
 
 
 def test_discs_that_did_not_cure_or_were_not_measured_are_omitted_and_reported() -> None:
     dose = np.concatenate([DOSES, [4.0, 30.0, 50.0]])
     thick = np.concatenate([depth_of(DOSES), [0.0, 0.0, math.nan]])
-    found = working_curve(dose, thick)
-    assert [(omitted.disc.row, omitted.reason) for omitted in found.left_out] == [
+    curve = working_curve(dose, thick)
+    assert [(omitted.disc.row, omitted.reason) for omitted in curve.left_out] == [
         (25, "nothing cured"),
         (26, "nothing cured"),
         (27, "no thickness"),
     ]
-    assert any("30 mJ/cm²" in line and "159 µm" in line for line in cautions(found))
+    assert any("30 mJ/cm²" in line and "159 µm" in line for line in cautions(curve))
 
 
 def test_with_lack_of_fit_each_dose_is_one_point() -> None:
     """Means of doses scatter by 10 µm, discs about them by 1 µm; the direction of a curvature is reported."""
     rng = np.random.default_rng(83)
     offsets = np.repeat(rng.normal(0.0, 10.0, 8), 3)
-    found = working_curve(DOSES, depth_of(DOSES) + offsets + rng.normal(0.0, 1.0, 24))
-    assert found.by_dose
-    assert found.lack_of_fit is not None
-    assert found.lack_of_fit.p < 1e-6
-    assert found.fit.error_df == 6
-    assert any("no clear curvature" in line for line in cautions(found))
-    assert found.left_out == ()  # a dose that deviates as a whole contains no outlier
+    curve = working_curve(DOSES, depth_of(DOSES) + offsets + rng.normal(0.0, 1.0, 24))
+    assert curve.by_dose
+    assert curve.lack_of_fit is not None
+    assert curve.lack_of_fit.p < 1e-6
+    assert curve.fit.error_df == 6
+    assert any("no clear curvature" in line for line in cautions(curve))
+    assert curve.left_out == ()  # a dose that deviates as a whole contains no outlier
     oxygen = working_curve(DOSES, np.sqrt(depth_of(DOSES)) * 15.0 + rng.normal(0.0, 1.0, 24))
     assert any("curve downwards" in line for line in cautions(oxygen))
     spectral = working_curve(DOSES, depth_of(DOSES) ** 2 / 300.0 + rng.normal(0.0, 1.0, 24))

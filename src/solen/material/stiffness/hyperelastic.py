@@ -34,7 +34,8 @@ from solen.results import HIDDEN, reported
 Weighting = Literal["absolute", "relative"]
 MAX_RESIDUAL_INCREASE = 0.02
 """Relative increase of the RMS residual up to which a model with fewer parameters is preferred."""
-_MIN_STRESS = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
+_ZERO_STRESS_MPA = 1e-12  # far below any measured stress
+_MIN_STRESS_FRACTION = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _MAX_POWER = 30.0  # bound of |α|
 _MAX_STARTS = 12  # number of starts that are refined
@@ -223,9 +224,9 @@ def _weights(curve: Curve, weighting: Weighting) -> FloatArray:
     if weighting == "absolute":
         return np.ones_like(magnitude)
     largest = float(magnitude.max())
-    if largest == 0:
+    if largest < _ZERO_STRESS_MPA:
         raise DataError("stress", value=0, limit="is zero throughout a test", remedy="check the force column")
-    return 1 / np.maximum(magnitude, _MIN_STRESS * largest)
+    return 1 / np.maximum(magnitude, _MIN_STRESS_FRACTION * largest)
 
 
 def _fit_linear(fitted: Model, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
@@ -327,7 +328,7 @@ def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> 
         stretch = np.concatenate([curve.stretch for curve in group])
         stress = np.concatenate([curve.stress_MPa for curve in group])
         error = fitted.stress(parameters, mode, stretch) - stress
-        magnitude = np.maximum(np.abs(stress), _MIN_STRESS * np.abs(stress).max())
+        magnitude = np.maximum(np.abs(stress), _MIN_STRESS_FRACTION * np.abs(stress).max())
         squares = float(np.sum((stress - stress.mean()) ** 2))
         qualities.append(
             ModeQuality(

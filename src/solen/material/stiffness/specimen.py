@@ -75,8 +75,8 @@ class Dimensions(Options):
         }
         given = [option for option, value in sections.items() if value is not None]
         if len(given) > 1:
-            limit = f"the cross-section is specified by {' and '.join(given)}"
-            raise refused("", limit, remedy="omit all but one of them")
+            limit = f"is specified by {' and '.join(given)}"
+            raise refused("cross-section", limit, remedy="omit all but one of them")
         if (self.strip_width_mm is None) != (self.thickness_mm is None):
             missing, other = "strip_width_mm", "--thickness-mm"
             if self.thickness_mm is None:
