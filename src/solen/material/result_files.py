@@ -315,9 +315,11 @@ class StiffnessResult(_Modulus):
         if not label and len(materials) == 1:
             return next(iter(materials.values()))
         if label not in materials:
-            names = ", ".join(name or "one without a label" for name in materials)
-            limit, remedy = f"the materials of the result are {names}", "specify one of them with --label"
-            raise DataError("--label", value=label or None, limit=limit, remedy=remedy)
+            names = ", ".join(name or "(without a label)" for name in materials)
+            if not label:
+                limit, remedy = f"is required: the materials of the result are {names}", "specify one of them"
+                raise DataError("--label", limit=limit, remedy=remedy)
+            raise DataError("--label", value=label, limit=f"is not in the result, whose materials are {names}")
         return materials[label]
 
 

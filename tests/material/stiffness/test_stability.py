@@ -77,7 +77,7 @@ def test_an_unstable_ogden_model_is_reported_and_not_chosen() -> None:
 
 
 def test_an_instability_in_a_mode_that_was_not_measured_is_reported() -> None:
-    parameters = [0.3, -0.02]  # Mooney-Rivlin with C01 < 0: stable in tension, fitted in equibiaxial tension
+    parameters = [0.3, -0.02]  # Mooney-Rivlin with C01 < 0: stable in tension, unstable in equibiaxial tension
     stretch = np.linspace(1, 2, 30)
     fitted = fit(
         "mooney-rivlin", [Curve(UNIAXIAL, stretch, model("mooney-rivlin").stress(parameters, UNIAXIAL, stretch))]

@@ -212,7 +212,7 @@ def _refuse_rising_voltage(loss: GuideLoss, rows: Readings, dark: float | None) 
             f"specify the reading without light, which is at least {highest}, with --dark; or check which column is "
             "the length"
         )
-        raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
+        raise DataError(f"column {rows.columns[1]}", limit=limit, remedy=remedy)
 
 
 def _implausible(loss: GuideLoss, length_unit: str) -> list[Caution]:

@@ -67,8 +67,8 @@ def stiffness(
     if not inputs:
         raise SpecError("stiffness", limit="requires a file", remedy="name one or more exports")
     if len(label) not in {0, 1, len(inputs)}:
-        limit = f"must be one for all files, or one for each of the {len(inputs)} files"
-        raise SpecError("--label", value=f"{len(label)} names", limit=limit)
+        limit = f"must occur once, or {len(inputs)} times, once for each file, but occurs {len(label)} times"
+        raise SpecError("--label", limit=limit)
     labels = tuple(label) if len(label) == len(inputs) else (*label, "")[:1] * len(inputs)
     tests = [
         MechanicalTest(
