@@ -195,7 +195,8 @@ def test_printed_lines_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "MPa (compression, 2 to 10 % strain)" in printed
     assert "energy" in printed
     assert "  * " in printed
-    arguments = ["--cube-mm", "10", "--strain-range-percent", "5", "15", "--secant-percent", "10", "30", "--fit", "none"]
+    ranges = ["--strain-range-percent", "5", "15", "--secant-percent", "10", "30"]
+    arguments = ["--cube-mm", "10", *ranges, "--fit", "none"]
     assert run_command(["resin", "stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
