@@ -61,10 +61,10 @@ def index_routes() -> Figure:
     for name, spectrum in routes().items():
         if name in colours:
             dashes = LINES[list(colours).index(name)]
-            told = name if spectrum.measurement else f"{name}: no measurement"
-            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], ls=dashes, lw=1.0, label=told)
-    axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="the layer's own")
-    axes.set(title="simulated, 0.1 % of noise in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
+            label = name if spectrum.measurement else f"{name}: not a measurement"
+            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], ls=dashes, lw=1.0, label=label)
+    axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="true index")
+    axes.set(title="simulated, 0.1 % noise in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
     axes.legend(fontsize="small", loc="center right")
     axes.grid(alpha=0.3)
     return figure
@@ -85,18 +85,18 @@ def index_command() -> Figure:
 
 
 def two_indices() -> Figure:
-    """Draw T and R of a clear layer on PET against its index, and the two indices that give the same reading."""
+    """Draw T and R of a clear layer on PET against its index, and the two indices with equal readings."""
     figure = Figure(figsize=(8.0, 3.2))
     setup, n = Setup(Substrate(1.57, 0.0, 100.0)), np.linspace(1.0, 1.8, 161)
     read = on_substrate(n, 0.0, 25.0, 589.3, setup)
     seen = on_substrate(1.49, 0.0, 25.0, 589.3, setup)
     other = invert_on_substrate(seen.T, seen.R, 589.3, 25.0, setup).other_n[0]
     for axes, values, one, name in zip(
-        figure.subplots(1, 2), read, seen, ("T against the bare sheet", "R"), strict=True
+        figure.subplots(1, 2), read, seen, ("T relative to the bare sheet", "R"), strict=True
     ):
         axes.plot(n, values, color=INK, lw=1.6)
         axes.axhline(float(one), color=LOST, lw=0.8, ls="--")
-        for number, (at, label) in enumerate(((1.49, "n = 1.49"), (other, f"n = {other:.2f} reads the same"))):
+        for number, (at, label) in enumerate(((1.49, "n = 1.49"), (other, f"n = {other:.2f}, equal readings"))):
             axes.plot([at], [float(one)], **series(number, dots=True), label=label)
         axes.set(xlabel="index of the layer", ylabel=name)
         axes.grid(alpha=0.3)

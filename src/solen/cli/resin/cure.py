@@ -43,7 +43,7 @@ def _spectral_law(fit: SpectralFit, exposure: SpectralExposure | None) -> Iterat
         "Jacobs": "prefer Jacobs' law",
     }
     yield (
-        f"cure law for the spectrum of {fit.lamp}: Dp {fit.Dp_um:.4g} ± {fit.u_Dp_um:.2g} µm at the surface, Ec "
+        f"spectral cure law (lamp: {fit.lamp}): Dp {fit.Dp_um:.4g} ± {fit.u_Dp_um:.2g} µm at the surface, Ec "
         f"{fit.Ec_mJ_per_cm2:.3g} ± {fit.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {preference[fit.preferred]} "
         f"({fit.rms_um:.2g} µm RMS, Jacobs' law {fit.jacobs_rms_um:.2g} µm RMS)"
     )

@@ -329,7 +329,7 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
         warnings.append(
             warning(
                 f"the light of the lamp does not decay exponentially: Dp is {surface:.3g} µm at the surface "
-                f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so the working curve curves upwards"
+                f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so the working curve is curved upwards"
             )
         )
     highest = float(decay.per_um.max()) * path_um / math.log(10.0)
@@ -345,7 +345,7 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
     if abs(offset) > _MAX_OFFSET_EFFECT:
         change = "undetermined"
         if offset < _MAX_OFFSET_FRACTION:
-            change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
+            change = f"{abs(offset) / (1.0 - offset):.0%} {'larger' if offset > 0.0 else 'smaller'}"
         warnings.append(
             warning(
                 f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if "
