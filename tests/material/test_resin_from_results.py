@@ -243,7 +243,7 @@ def test_one_of_several_materials_is_selected_by_its_label() -> None:
     result = StiffnessResult(**groups[0], groups=groups, sources=[{"file": "a.csv"}, {"file": "m.csv"}])
     assert result.as_table(Selection(label="ma-PU")).modulus_MPa == 1.5
     assert [source.file for source in result.measured_files(Selection(label="ma-PU"))] == ["m.csv"]
-    with pytest.raises(DataError, match=r"a-PU, ma-PU; .*--label"):
+    with pytest.raises(DataError, match=r"--label; is required: .* a-PU, ma-PU"):
         result.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
         result.as_table(Selection(label="PU"))
