@@ -1,7 +1,7 @@
-"""The accuracy of each method for an index: the uncertainty of n at 860 nm of one clear resin.
+"""Accuracy of each route to an index: the uncertainty of n at 860 nm for one clear resin.
 
-A resin of n = 1.48 is measured by R and T of a free layer, by R and T or only T of a layer on its sheet of PET, or by a
-refractometer. Each method has its typical errors; the uncertainties are those that solen states.
+The index of a resin, n = 1.48, is determined from R and T of a free-standing layer, from R and T or only T of a layer
+on its sheet of PET, or by a refractometer, each with typical errors.
 """
 
 import numpy as np
@@ -15,31 +15,31 @@ U_T = 1e-3
 
 
 def free(u_r: float) -> float:
-    """Return n from R and T of the layer, peeled off."""
+    """Return u(n) from R and T of the free-standing layer."""
     r, t = forward(N, K, LAYER_UM, NM)
     return float(measured([NM], reading([t], U_T), reading([r], u_r), Length(LAYER_UM)).n.u[0])
 
 
 def on_pet(u_pet: float, *, both: bool = True) -> float:
-    """Return n from R and T of the layer on its sheet, or from T of a clear layer against the bare sheet."""
+    """Return u(n) from R and T of the layer on its sheet, or from T alone, relative to the bare sheet."""
     sheet = Substrate(PET, 0.0, PET_UM, u_n=u_pet)
     t, r = on_substrate(N, K if both else 0.0, LAYER_UM, NM, Setup(sheet))
     if both:
-        found = measured([NM], reading([t], U_T), reading([r], 1e-3), Length(LAYER_UM), Setup(sheet))
+        index = measured([NM], reading([t], U_T), reading([r], 1e-3), Length(LAYER_UM), Setup(sheet))
     else:
-        found = lossless([NM], reading([t], U_T), Setup(sheet))
-    return float(found.n.u[0])
+        index = lossless([NM], reading([t], U_T), Setup(sheet))
+    return float(index.n.u[0])
 
 
 def by_refractometer(*wavelength_nm: float) -> float:
-    """Return n from values at some wavelengths, good to 0.0005, and the typical dispersion of polymers."""
+    """Return u(n) from values at some wavelengths, accurate to 0.0005, and the typical dispersion of polymers."""
     n = 1.4733 + 0.0045 / (np.array(wavelength_nm) * 1e-3) ** 2
     return float(refractometer(n, 5e-4, wavelength_nm).fit.indices(NM)[1][0])
 
 
 def main() -> dict[str, float]:
-    """Return the standard uncertainty of n(860 nm) by method."""
-    found = {
+    """Return the standard uncertainty of n(860 nm), keyed by route."""
+    uncertainties = {
         "free layer, R to 0.001": free(1e-3),
         "free layer, R to 0.003": free(3e-3),
         "on PET known to 0.01": on_pet(0.01),
@@ -49,9 +49,9 @@ def main() -> dict[str, float]:
         "refractometer, three": by_refractometer(450.0, 589.3, 860.0),
     }
     print("simulated, n = 1.48 at 860 nm")
-    for name, u in found.items():
+    for name, u in uncertainties.items():
         print(f"  {name:30} u(n) = {u:.4f}")
-    return found
+    return uncertainties
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Dose: a working curve from simulated discs, the dose of a layer in a print, and limits from published statements.
+"""Dose: a working curve of simulated discs, the dose of a layer in a print, and bounds from published statements.
 
 The paper gives no penetration depth and no critical dose, but states that 3 s at 13 mW/cm² cure more than 200 µm, and
 that layers of 25 µm are printed with 2 s. The discs here are simulated, with values that satisfy these statements.
@@ -15,7 +15,7 @@ DISCS = FOLDER / "discs-simulated.csv"
 
 
 def main() -> dict[str, float]:
-    """Return numbers of the curve, of a part of 100 layers with six burn-in layers, and of the statements."""
+    """Return values of the curve, of a part of 100 layers with six burn-in layers, and of the published bounds."""
     table = read(DISCS)
     dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
     curve = working_curve(dose, table.need("thickness").to("um"))
@@ -23,14 +23,14 @@ def main() -> dict[str, float]:
     print(f"Dp {curve.Dp_um:.1f} µm ({low:.1f} to {high:.1f}, 95 %)")
     ends = curve.interval95_Ec_mJ_per_cm2 or (0.0, np.inf)
     print(f"Ec {curve.Ec_mJ_per_cm2:.2f} mJ/cm² ({ends[0]:.2f} to {ends[1]:.2f}, 95 %)")
-    print("left out:", ", ".join(f"row {one.disc.row}, {one.reason}" for one in curve.left_out))
+    print("omitted:", "; ".join(f"row {omitted.disc.row}, {omitted.reason}" for omitted in curve.left_out))
 
     at_3_s = float(curve.depth_um(3.0 * IRRADIANCE_MW_PER_CM2))
-    print(f"3 s cure {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
+    print(f"3 s cures {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
 
     seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
     stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)
-    print(f"one layer on its own receives {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm² on average,")
+    print(f"a single layer receives {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm² on average,")
     times = f"{stack.interior_over_single_layer:.2f} times as much"
     print(f"a layer inside the part {stack.layer_mean_mJ_per_cm2[50]:.1f}: {times}")
 
