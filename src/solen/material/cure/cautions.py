@@ -112,18 +112,18 @@ def _threshold_warnings(curve: WorkingCurve) -> list[Caution]:
                 "doses"
             )
         )
-    set_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]
-    if set_below:
-        dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
+    cured_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]
+    if cured_below:
+        dose = min(disc.dose_mJ_per_cm2 for disc in cured_below)
         warnings.append(
-            warning(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g} mJ/cm²")
+            warning(f"a disc cured at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g} mJ/cm²")
         )
     liquid = [omitted.disc.dose_mJ_per_cm2 for omitted in curve.left_out if omitted.disc.thickness_um == 0.0]
     if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
         depth = float(curve.depth_um(max(liquid)))
         warnings.append(
             warning(
-                f"no disc set at {max(liquid):.3g} mJ/cm², although the line predicts a thickness of {depth:.3g} µm"
+                f"no disc cured at {max(liquid):.3g} mJ/cm², although the line predicts a thickness of {depth:.3g} µm"
             )
         )
     return warnings

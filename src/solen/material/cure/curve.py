@@ -263,13 +263,9 @@ def working_curve(
         fit, exponent = _fit(means_of(used), scatter)
     a, b = fit.parameters
     if not (b > 0.0 and abs(a) < _MAX_LN_EC * b):
-        doses = [disc.dose_mJ_per_cm2 for disc in used]
-        raise DataError(
-            "working curve: slope",
-            value=f"{b:.3g} µm per factor of e in dose, from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
-            limit="the thickness must increase with the dose, and Ec must be finite",
-            remedy="check whether the columns are swapped, or use more widely spaced doses",
-        )
+        limit = f"the thickness must increase with the dose, and Ec must be finite (slope: {b:.3g} µm per factor of e)"
+        remedy = "check whether the columns are swapped, or use more widely spaced doses"
+        raise DataError("working curve", limit=limit, remedy=remedy)
     mean_um = float(np.mean([disc.thickness_um for disc in used]))
     return WorkingCurve(
         fit=fit,

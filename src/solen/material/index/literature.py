@@ -8,7 +8,7 @@ solen contains a table of values with their sources. If the package refractivein
 the full curves from the same sources can be used.
 
 `materials` and `band` query the table, `check_index` and `check_dispersion` return warnings, and `package_curve` reads
-a page of the package. No open dispersion data of a soft polyurethane acrylate were found: `RESINS`, with which a
+a page of the package. No published dispersion of a soft polyurethane acrylate was found: `RESINS`, with which a
 printed part is compared, combines acrylates with light-cured resins and adhesives.
 """
 

@@ -121,7 +121,7 @@ class RefractometerOptions(Options):
     polymer: tuple[Polymer, ...] = ()
     """A polymer class similar to the material; repeatable; default: acrylate and photoresin."""
     abbe: float | None = None
-    """Abbe number of the material, for example from a data sheet, instead of those of the polymer classes."""
+    """Abbe number of the material, for example from a datasheet, instead of those of the polymer classes."""
     u_abbe: float | None = None
     """Standard uncertainty of the Abbe number."""
     at_nm: tuple[Annotated[Wavelength, Field(ge=VALID_NM[0], le=VALID_NM[1])], ...] = ()
@@ -274,7 +274,7 @@ def _predicted(values: Sequence[float]) -> tuple[float, float]:
 
 
 def prior_of_abbe(abbe: float, u_abbe: float) -> Prior:
-    """Return a prior with a given Abbe number, for example from a data sheet, and the bend from the literature."""
+    """Return a prior with a given Abbe number, for example from a datasheet, and the bend from the literature."""
     literature = prior_of()
     source = f"the specified Abbe number of {abbe:g} ± {u_abbe:g}"
     return Prior(abbe, u_abbe, literature.bend, literature.u_bend, source)

@@ -233,7 +233,7 @@ def no_reflectance(source: str, wavelength_nm: ArrayLike, transmittance: Reading
     return DataError(
         "a measured index",
         limit=f"does not follow from {source} which contains no information about the reflectance{estimate_text}",
-        remedy="measure R; or use --mode lossless; or --mode as-published, which is marked as not measured",
+        remedy="measure R, or use --mode lossless, or --mode as-published, which is marked as not a measurement",
     )
 
 

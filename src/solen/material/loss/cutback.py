@@ -264,7 +264,7 @@ def cut_back(
 
 
 def _outlier_t(table: Table) -> dict[int, float]:
-    """Return the t of each outlier, keyed by its number, tested against lines with a slope for each orientation."""
+    """Return the t of each outlier from lines with separate slopes for the orientations, keyed by its number."""
     count = len(table.pieces)
     all_points = np.ones(count, bool)
     df = count - table.separate_slopes(all_points).shape[1]
@@ -398,8 +398,8 @@ def _size_warnings(loss: GuideLoss) -> list[Caution]:
     if high <= 0.0:
         return [
             do_not_use(
-                f"longer guides are brighter ({signal_and_noise}), so this is not a loss; check the lengths, the dark "
-                "reading and the unit"
+                f"longer guides transmit more light ({signal_and_noise}), so this is not a loss; check the lengths, "
+                "the dark reading and the unit"
             )
         ]
     if low <= 0.0:

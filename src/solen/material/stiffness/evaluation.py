@@ -62,7 +62,7 @@ class StiffnessOptions(RowOptions):
     secant_percent: tuple[Above0, ...] = ()
     """Strains in per cent at which the secant modulus is computed."""
     toe: Literal["auto", "none", "always"] = "auto"
-    """Toe compensation; auto: if strain is computed from displacement and the machine set no zero at a preload."""
+    """Toe compensation; auto: if strain is computed from displacement and the machine was not zeroed at a preload."""
     cycle: Literal["first", "last"] = "first"
     """Cycle whose loading is used for modulus and model."""
     fit: tuple[Literal["auto", "none", "all", Kind], ...] = ("auto",)
