@@ -33,7 +33,7 @@ def routes(seed: int = 1) -> dict[str, IndexSpectrum]:
 def main() -> dict[str, tuple[float, float | None]]:
     """Return the index of the layer for an LED at 860 nm with its uncertainty, keyed by method."""
     light = led(860.0, 30.0)
-    truth = float(light.share @ (1.482 + 5.0e3 / light.wavelength_nm**2))
+    truth = float(light.weight @ (1.482 + 5.0e3 / light.wavelength_nm**2))
     print(f"simulated layer in the light of an 860 nm LED: n = {truth:.4f}")
     results = {}
     for name, spectrum in routes().items():

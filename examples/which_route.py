@@ -34,7 +34,7 @@ def on_pet(u_pet: float, *, both: bool = True) -> float:
 def by_refractometer(*wavelength_nm: float) -> float:
     """Return the uncertainty of n from values known to 0.0005, and the typical dispersion of polymers."""
     n = 1.4733 + 0.0045 / (np.array(wavelength_nm) * 1e-3) ** 2
-    return float(refractometer(n, 5e-4, wavelength_nm).fit.along(NM)[1][0])
+    return float(refractometer(n, 5e-4, wavelength_nm).fit.indices(NM)[1][0])
 
 
 def main() -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Dose: a working curve from simulated discs, the dose of a layer in a print, and limits from published statements.
+"""Dose: a working curve of simulated discs, the dose of a layer in a print, and bounds from published statements.
 
 The paper gives neither a penetration depth nor a critical dose, but states that 3 s at 13 mW/cm² cure more than 200 µm,
 and that layers of 25 µm are printed with 2 s. The discs here are simulated, with values that satisfy these statements.
@@ -26,7 +26,7 @@ def main() -> dict[str, float]:
     print("excluded:", ", ".join(f"row {exclusion.disc.row}, {exclusion.reason}" for exclusion in curve.left_out))
 
     at_3_s = float(curve.depth_um(3.0 * IRRADIANCE_MW_PER_CM2))
-    print(f"3 s cure {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
+    print(f"3 s cures {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
 
     seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
     stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)

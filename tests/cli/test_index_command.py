@@ -38,7 +38,7 @@ def test_lines_contain_mode_and_warnings(tmp_path: Path, capfd: pytest.CaptureFi
     options = ["--thickness-um", "50", "--mode", "as-published", "--at-nm", "500"]
     assert run_command([*COMMAND, layer(tmp_path), *options]) == 0
     printed = capfd.readouterr().out
-    assert "mode as-published, NO MEASUREMENT" in printed
+    assert "mode as-published, NOT A MEASUREMENT" in printed
     assert "do not use: as published, not valid as a measurement" in printed
     assert "at, mean wavelength 500 nm: n = 1.3" in printed
 

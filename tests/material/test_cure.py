@@ -1,4 +1,4 @@
-"""The working curve: exact points, coverage under several laws of scatter, bad and thin discs, what it is asked for."""
+"""Working curve: exact points, coverage under several scatter laws, outliers and thin discs, warnings and refusals."""
 
 import math
 
@@ -14,204 +14,204 @@ DP, EC = 120.0, 8.0
 DOSES = np.repeat(np.geomspace(12.0, 120.0, 8), 3)
 
 
-def line(dose: FloatArray) -> FloatArray:
+def depth_of(dose: FloatArray) -> FloatArray:
+    """Return the true cure depth."""
     return np.asarray(DP * np.log(dose / EC))
 
 
-def law(name: str, depth: FloatArray) -> FloatArray:
-    """Standard deviation of discs of a thickness in µm."""
+def scatter_um(name: str, depth: FloatArray) -> FloatArray:
+    """Return the standard deviation of the thickness of discs."""
     if name == "5 % of thickness":
         return 0.05 * depth
     if name == "5 µm":
         return np.full(len(depth), 5.0)
-    return 8.0 * np.sqrt(150.0 / np.maximum(depth, 20.0))  # thin and soft: the worse the thinner
+    return 8.0 * np.sqrt(150.0 / np.maximum(depth, 20.0))  # thin discs are soft and scatter more
 
 
-def holds(found: WorkingCurve) -> tuple[bool, bool]:
-    low, high = found.interval95_Dp_um
-    ends = found.interval95_Ec_mJ_per_cm2
+def covers(curve: WorkingCurve) -> tuple[bool, bool]:
+    """Return whether the intervals cover the true Dp and Ec."""
+    low, high = curve.interval95_Dp_um
+    ends = curve.interval95_Ec_mJ_per_cm2
     return low <= DP <= high, ends is None or ends[0] <= EC <= ends[1]
 
 
 def coverage(name: str, scatter: Scatter, draws: int, seed: int, dose: FloatArray = DOSES) -> FloatArray:
-    """Share of draws whose 95 % intervals hold Dp, and Ec."""
-    rng, depth = np.random.default_rng(seed), line(dose)
-    sd = law(name, depth)
-    thick = [np.maximum(depth + sd * rng.normal(size=len(depth)), 1.0) for _ in range(draws)]
-    found = [working_curve(dose, one, scatter=scatter) for one in thick]
-    return np.asarray(np.mean([holds(one) for one in found], axis=0))
+    """Return the fractions of draws whose 95 % intervals cover Dp and Ec."""
+    rng, depth = np.random.default_rng(seed), depth_of(dose)
+    sd = scatter_um(name, depth)
+    thicknesses = [np.maximum(depth + sd * rng.normal(size=len(depth)), 1.0) for _ in range(draws)]
+    curves = [working_curve(dose, thickness, scatter=scatter) for thickness in thicknesses]
+    return np.asarray(np.mean([covers(curve) for curve in curves], axis=0))
 
 
-def test_exact_points_give_their_curve() -> None:
-    found = working_curve(DOSES, line(DOSES))
-    assert found.Dp_um == pytest.approx(DP, rel=1e-12)
-    assert found.Ec_mJ_per_cm2 == pytest.approx(EC, rel=1e-12)
-    assert found.left_out == ()
-    assert found.interval95_Dp_um == pytest.approx((DP, DP), rel=1e-6)
-    assert found.depth_um([EC, 39.0]) == pytest.approx([0.0, DP * math.log(39.0 / EC)], abs=1e-9)
-    assert found.dose_mJ_per_cm2(200.0) == pytest.approx(EC * math.exp(200.0 / DP), rel=1e-12)
+def test_exact_points_yield_their_curve() -> None:
+    curve = working_curve(DOSES, depth_of(DOSES))
+    assert curve.Dp_um == pytest.approx(DP, rel=1e-12)
+    assert curve.Ec_mJ_per_cm2 == pytest.approx(EC, rel=1e-12)
+    assert curve.left_out == ()
+    assert curve.interval95_Dp_um == pytest.approx((DP, DP), rel=1e-6)
+    assert curve.depth_um([EC, 39.0]) == pytest.approx([0.0, DP * math.log(39.0 / EC)], abs=1e-9)
+    assert curve.dose_mJ_per_cm2(200.0) == pytest.approx(EC * math.exp(200.0 / DP), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["5 % of thickness", "5 µm"])
-def test_intervals_hold_the_truth(name: str) -> None:
-    """Without knowing the law of scatter; 400 tables, so 3.5 standard deviations of the count are 3.8 %."""
-    share = coverage(name, "auto", 400, 41)
-    assert np.all(np.abs(share - 0.95) < 3.5 * math.sqrt(0.95 * 0.05 / 400)), share
+def test_intervals_cover_the_truth(name: str) -> None:
+    """Without knowing the scatter law; for 200 tables, 3.5 standard deviations of the coverage are 5.4 %."""
+    covered = coverage(name, "auto", 200, 41)
+    assert np.all(np.abs(covered - 0.95) < 3.5 * math.sqrt(0.95 * 0.05 / 200)), covered
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("name", ["5 % of thickness", "5 µm"])
 @pytest.mark.parametrize("known", [True, False])
-def test_intervals_hold_the_truth_in_95_of_100(name: str, known: bool) -> None:
-    """2,000 tables of 24 discs each, the law of scatter stated or found: 95 ± 2 %."""
+def test_intervals_cover_the_truth_in_95_of_100(name: str, known: bool) -> None:
+    """2,000 tables of 24 discs each, the scatter law specified or estimated: 95 ± 2 %."""
     scatter: Scatter = "auto" if not known else "constant" if name == "5 µm" else "proportional"
-    share = coverage(name, scatter, 2000, 43)
-    assert np.all(np.abs(share - 0.95) <= 0.02), share
+    covered = coverage(name, scatter, 2000, 43)
+    assert np.all(np.abs(covered - 0.95) <= 0.02), covered
 
 
 @pytest.mark.evidence
-def test_intervals_hold_where_thin_discs_are_the_worst() -> None:
-    """A law that is none of those tried: intervals from the residuals hold in 92 of 100, those of a wrong law not."""
+def test_intervals_cover_the_truth_if_thin_discs_scatter_most() -> None:
+    """A law other than those fitted: intervals from the residuals cover in 92 of 100, those of a wrong law do not."""
     assert np.all(np.abs(coverage("thin", "auto", 2000, 47) - 0.95) <= 0.04)
     assert np.all(coverage("thin", "proportional", 500, 47) < 0.85)
 
 
-def test_a_law_that_is_wrong_does_not_hold() -> None:
-    """Discs that scatter by 5 µm, weighted as if by 5 %: thin discs decide Ec, and its interval is far too narrow."""
+def test_intervals_of_a_wrong_scatter_law_are_too_narrow() -> None:
+    """Discs that scatter by 5 µm, weighted as for 5 %: thin discs determine Ec, and its interval is far too narrow."""
     assert coverage("5 µm", "proportional", 100, 53)[1] < 0.85
 
 
-def test_weights_do_not_favour_discs_that_came_out_thin() -> None:
-    """Weights by measured thickness would make Dp 0.5 % too small and Ec too large; the mean of 400 tables is not."""
-    rng, depth = np.random.default_rng(59), line(DOSES)
-    found = [
+def test_weights_do_not_depend_on_the_measured_thickness() -> None:
+    """Weights from the measured thickness would bias Dp by −0.5 %; the mean of 400 tables is unbiased."""
+    rng, depth = np.random.default_rng(59), depth_of(DOSES)
+    curves = [
         working_curve(DOSES, depth * (1.0 + 0.05 * rng.normal(size=24)), scatter="proportional") for _ in range(400)
     ]
-    dp = np.array([one.Dp_um for one in found])
+    dp = np.array([curve.Dp_um for curve in curves])
     assert dp.mean() == pytest.approx(DP, abs=3.5 * dp.std() / 20.0)
 
 
-def test_scatter_is_found() -> None:
+def test_the_scatter_law_is_estimated() -> None:
     rng = np.random.default_rng(61)
     dose = np.repeat(np.geomspace(10.0, 200.0, 12), 12)
-    depth = line(dose)
+    depth = depth_of(dose)
     for power, sd in ((1.0, 0.05 * depth), (0.0, np.full(144, 5.0))):
-        found = working_curve(dose, depth + sd * rng.normal(size=144))
-        assert found.scatter_exponent == power
-        assert found.sd_thickness_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
-        assert found.disc_sigma_um(300.0) == pytest.approx(15.0 if power else 5.0, rel=0.25)
+        curve = working_curve(dose, depth + sd * rng.normal(size=144))
+        assert curve.scatter_exponent == power
+        assert curve.sd_thickness_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
+        assert curve.disc_sigma_um(300.0) == pytest.approx(15.0 if power else 5.0, rel=0.25)
 
 
-def test_covariances_are_those_of_a_change_of_the_points() -> None:
-    """With scatter stated as constant: propagated by finite differences from each disc's thickness."""
+def test_covariances_agree_with_finite_differences() -> None:
+    """With constant scatter, propagated numerically from the thickness of each disc."""
     rng = np.random.default_rng(67)
-    thick = line(DOSES) + 5.0 * rng.normal(size=24)
+    thick = depth_of(DOSES) + 5.0 * rng.normal(size=24)
 
-    def both(values: FloatArray) -> FloatArray:
-        found = working_curve(DOSES, values, scatter="constant", keep_all=True)
-        return np.array([found.Dp_um, found.ln_Ec])
+    def parameters(values: FloatArray) -> FloatArray:
+        varied = working_curve(DOSES, values, scatter="constant", keep_all=True)
+        return np.array([varied.Dp_um, varied.ln_Ec])
 
-    found = working_curve(DOSES, thick, scatter="constant", keep_all=True)
-    assert not found.by_dose
-    slopes = np.array([(both(thick + 1e-4 * np.eye(24)[k]) - both(thick)) / 1e-4 for k in range(24)])
-    expected = found.fit.sigma**2 * slopes.T @ slopes
-    assert found.covariance_ln == pytest.approx(expected, rel=1e-4)
-    scale = np.array([1.0, found.Ec_mJ_per_cm2])
-    assert found.covariance == pytest.approx(expected * np.outer(scale, scale), rel=1e-4)
-    assert found.u_ln_Ec == pytest.approx(math.sqrt(expected[1, 1]), rel=1e-4)
-    assert found.u_Dp_um == pytest.approx(math.sqrt(expected[0, 0]), rel=1e-4)
+    curve = working_curve(DOSES, thick, scatter="constant", keep_all=True)
+    assert not curve.by_dose
+    slopes = np.array([(parameters(thick + 1e-4 * np.eye(24)[k]) - parameters(thick)) / 1e-4 for k in range(24)])
+    expected = curve.fit.sigma**2 * slopes.T @ slopes
+    assert curve.covariance_ln == pytest.approx(expected, rel=1e-4)
+    scale = np.array([1.0, curve.Ec_mJ_per_cm2])
+    assert curve.covariance == pytest.approx(expected * np.outer(scale, scale), rel=1e-4)
+    assert curve.u_ln_Ec == pytest.approx(math.sqrt(expected[1, 1]), rel=1e-4)
+    assert curve.u_Dp_um == pytest.approx(math.sqrt(expected[0, 0]), rel=1e-4)
 
 
-def test_an_interval_of_dose_is_all_doses_at_which_the_curve_may_be_that_deep() -> None:
-    """Fieller's ends are where the band of the curve meets the depth (constant scatter: one freedom everywhere)."""
+def test_the_interval_of_a_dose_ends_where_the_band_of_the_curve_reaches_the_depth() -> None:
+    """Fieller's limits; with constant scatter, the degrees of freedom are the same everywhere."""
     rng = np.random.default_rng(71)
-    found = working_curve(DOSES, line(DOSES) + 5.0 * rng.normal(size=24), scatter="constant")
+    curve = working_curve(DOSES, depth_of(DOSES) + 5.0 * rng.normal(size=24), scatter="constant")
     for depth in (0.0, 100.0):
-        ends = found.dose_interval95(depth)
+        ends = curve.dose_interval95(depth)
         assert ends is not None
         for end, side in zip(ends, (1.0, -1.0), strict=True):
-            edge = found.depth_um(end) + side * found.half_width_um(end)
+            edge = curve.depth_um(end) + side * curve.half_width_um(end)
             assert float(edge) == pytest.approx(depth, abs=1e-6)
 
 
-def test_a_slope_that_may_be_nothing_leaves_no_interval_of_dose() -> None:
-    found = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
-    assert found.interval95_Ec_mJ_per_cm2 is None
-    assert found.interval95_Dp_um[0] < 0.0
-    assert any("too uncertain" in told for told in cautions(found))
+def test_a_slope_compatible_with_zero_yields_no_interval_of_dose() -> None:
+    curve = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
+    assert curve.interval95_Ec_mJ_per_cm2 is None
+    assert curve.interval95_Dp_um[0] < 0.0
+    assert any("too uncertain" in line for line in cautions(curve))
 
 
-def test_the_band_of_discs_holds_one_more_disc() -> None:
+def test_the_band_of_discs_covers_a_further_disc() -> None:
     rng, draws = np.random.default_rng(73), 400
-    depth, at = line(DOSES), 39.0
-    truth = float(line(np.array([at]))[0])
-    kept = 0
+    depth, dose = depth_of(DOSES), 39.0
+    truth = float(depth_of(np.array([dose]))[0])
+    covered = 0
     for _ in range(draws):
-        found = working_curve(DOSES, depth + 5.0 * rng.normal(size=24), scatter="constant")
-        half = float(found.half_width_um(at, of_one_disc=True))
-        kept += abs(truth + 5.0 * rng.normal() - float(found.depth_um(at))) <= half
-    assert abs(kept / draws - 0.95) < 3.5 * math.sqrt(0.95 * 0.05 / draws)
+        curve = working_curve(DOSES, depth + 5.0 * rng.normal(size=24), scatter="constant")
+        half = float(curve.half_width_um(dose, of_one_disc=True))
+        covered += abs(truth + 5.0 * rng.normal() - float(curve.depth_um(dose))) <= half
+    assert abs(covered / draws - 0.95) < 3.5 * math.sqrt(0.95 * 0.05 / draws)
 
 
-def test_bad_discs_are_listed_and_do_not_move_the_curve() -> None:
+def test_outliers_are_listed_and_do_not_affect_the_curve() -> None:
     rng = np.random.default_rng(79)
-    thick = line(DOSES) * (1.0 + 0.05 * rng.normal(size=24))
+    thick = depth_of(DOSES) * (1.0 + 0.05 * rng.normal(size=24))
     thick[10] *= 0.4  # torn
-    thick[20] *= 10.0  # a slip of the comma
-    found = working_curve(DOSES, thick)
-    assert {one.disc.row for one in found.left_out} == {11, 21}
-    assert all(one.t is not None and abs(one.t) > 4.0 for one in found.left_out)
-    assert all(holds(found))
-    assert "row 11" in cautions(found)[0]
+    thick[20] *= 10.0  # a misplaced decimal point
+    curve = working_curve(DOSES, thick)
+    assert {omitted.disc.row for omitted in curve.left_out} == {11, 21}
+    assert all(omitted.t is not None and abs(omitted.t) > 4.0 for omitted in curve.left_out)
+    assert all(covers(curve))
+    assert "row 11" in cautions(curve)[0]
     assert abs(working_curve(DOSES, thick, keep_all=True).Dp_um - DP) > 30.0
 
 
-def test_thin_doses_are_left_out_whole() -> None:
-    """A disc is not judged by its own thickness: that would keep those of a thin dose that came out thick."""
-    thick = line(DOSES)
+def test_all_discs_of_a_thin_dose_are_omitted() -> None:
+    """Omitting single discs by their measured thickness would keep the thickest discs of a dose, a bias."""
+    thick = depth_of(DOSES)
     thick[0] += 30.0
-    found = working_curve(DOSES, thick, min_thickness_um=60.0)
-    assert [one.disc.row for one in found.left_out] == [1, 2, 3]
-    assert "below 60 µm" in found.left_out[0].reason
-    assert found.Dp_um == pytest.approx(DP)
+    curve = working_curve(DOSES, thick, min_thickness_um=60.0)
+    assert [omitted.disc.row for omitted in curve.left_out] == [1, 2, 3]
+    assert "below 60 µm" in curve.left_out[0].reason
+    assert curve.Dp_um == pytest.approx(DP)
 
 
-def test_what_did_not_set_and_what_was_not_measured_is_left_out_and_said() -> None:
+def test_discs_that_did_not_cure_or_were_not_measured_are_omitted_and_reported() -> None:
     dose = np.concatenate([DOSES, [4.0, 30.0, 50.0]])
-    thick = np.concatenate([line(DOSES), [0.0, 0.0, math.nan]])
-    found = working_curve(dose, thick)
-    assert [(one.disc.row, one.reason) for one in found.left_out] == [
-        (25, "nothing set"),
-        (26, "nothing set"),
+    thick = np.concatenate([depth_of(DOSES), [0.0, 0.0, math.nan]])
+    curve = working_curve(dose, thick)
+    assert [(omitted.disc.row, omitted.reason) for omitted in curve.left_out] == [
+        (25, "nothing cured"),
+        (26, "nothing cured"),
         (27, "no thickness"),
     ]
-    assert any(
-        "no disc set at 30 mJ/cm², although the line predicts a thickness of 159 µm" in told for told in cautions(found)
-    )
+    assert any("30 mJ/cm²" in line and "159 µm" in line for line in cautions(curve))
 
 
-def test_doses_that_are_off_together_count_once() -> None:
-    """Means of doses scatter by 10 µm, discs about them by 1 µm: each dose is a point, and the bend is looked for."""
+def test_with_lack_of_fit_each_dose_is_one_point() -> None:
+    """Means of doses scatter by 10 µm, discs about them by 1 µm; the direction of a curvature is reported."""
     rng = np.random.default_rng(83)
-    off = np.repeat(rng.normal(0.0, 10.0, 8), 3)
-    found = working_curve(DOSES, line(DOSES) + off + rng.normal(0.0, 1.0, 24))
-    assert found.by_dose
-    assert found.lack_of_fit is not None
-    assert found.lack_of_fit.p < 1e-6
-    assert found.fit.error_df == 6
-    assert any("no clear curvature" in told for told in cautions(found))
-    assert found.left_out == ()  # a whole dose that is off is not a bad disc
-    oxygen = working_curve(DOSES, np.sqrt(line(DOSES)) * 15.0 + rng.normal(0.0, 1.0, 24))
-    assert any("curve downwards" in told for told in cautions(oxygen))
-    colours = working_curve(DOSES, line(DOSES) ** 2 / 300.0 + rng.normal(0.0, 1.0, 24))
-    assert any("curve upwards" in told for told in cautions(colours))
+    offsets = np.repeat(rng.normal(0.0, 10.0, 8), 3)
+    curve = working_curve(DOSES, depth_of(DOSES) + offsets + rng.normal(0.0, 1.0, 24))
+    assert curve.by_dose
+    assert curve.lack_of_fit is not None
+    assert curve.lack_of_fit.p < 1e-6
+    assert curve.fit.error_df == 6
+    assert any("no clear curvature" in line for line in cautions(curve))
+    assert curve.left_out == ()  # a dose that deviates as a whole contains no outlier
+    oxygen = working_curve(DOSES, np.sqrt(depth_of(DOSES)) * 15.0 + rng.normal(0.0, 1.0, 24))
+    assert any("curve downwards" in line for line in cautions(oxygen))
+    spectral = working_curve(DOSES, depth_of(DOSES) ** 2 / 300.0 + rng.normal(0.0, 1.0, 24))
+    assert any("curve upwards" in line for line in cautions(spectral))
 
 
-def test_the_test_of_fit_alarms_at_its_rate() -> None:
+def test_the_false_alarm_rate_of_the_lack_of_fit_test_is_nominal() -> None:
     rng, draws = np.random.default_rng(89), 400
     alarms = np.mean(
         [
-            working_curve(DOSES, line(DOSES) + 5.0 * rng.normal(size=24), scatter="constant").by_dose
+            working_curve(DOSES, depth_of(DOSES) + 5.0 * rng.normal(size=24), scatter="constant").by_dose
             for _ in range(draws)
         ]
     )
@@ -219,30 +219,30 @@ def test_the_test_of_fit_alarms_at_its_rate() -> None:
 
 
 @pytest.mark.parametrize(
-    ("dose", "thick", "told"),
+    ("dose", "thick", "line"),
     [
         ([10.0, 20.0, 0.0], [1.0, 2.0, 3.0], r"dose = '0 \(row 3\)'; must be from 1e-06"),
-        ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must be 0 to 1e"),
-        ([10.0, 10.0, 10.0], [1.0, 2.0, 3.0], "3 discs at 1 doses"),
-        ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"2 discs at 2 doses \(1 omitted\)"),
+        ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must be from 0 to 1e"),
+        ([10.0, 10.0, 10.0], [1.0, 2.0, 3.0], r"3 discs at 2 doses \(discs: 3, doses: 1\)"),
+        ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"\(discs: 2, doses: 2; 1 discs omitted\)"),
         ([10.0, 20.0, 30.0, 40.0], [40.0, 30.0, 20.0, 10.0], "thickness must increase with the dose"),
     ],
 )
-def test_what_gives_no_curve_is_refused(dose: list[float], thick: list[float], told: str) -> None:
-    with pytest.raises(DataError, match=told):
+def test_refuses_discs_that_determine_no_curve(dose: list[float], thick: list[float], line: str) -> None:
+    with pytest.raises(DataError, match=line):
         working_curve(dose, thick)
 
 
 @pytest.mark.parametrize(
-    ("dose", "thick", "told"),
+    ("dose", "thick", "line"),
     [
         ([10.0, 10.0, 40.0, 40.0], [27.0, 26.0, 193.0, 194.0], "two doses"),
         ([10.0, 20.0, 40.0, 80.0], [27.0, 109.0, 194.0, 276.0], "no dose was repeated"),
         ([10.0, 20.0, 40.0], [27.0, 110.0, 193.0], "the fit has 1 degrees of freedom"),
-        ([80.0, 80.0, 90.0, 90.0, 120.0, 120.0], [276.0, 277.0, 290.0, 291.0, 325.0, 324.0], "an extrapolation"),
-        ([12.0, 12.0, 20.0, 20.0, 40.0, 40.0, 80.0], [7.0, 9.0, 39.0, 41.0, 123.0, 125.0, 254.0], "a disc set at 12"),
+        ([80.0, 80.0, 90.0, 90.0, 120.0, 120.0], [276.0, 277.0, 290.0, 291.0, 325.0, 324.0], "extrapolat"),
+        ([12.0, 12.0, 20.0, 20.0, 40.0, 40.0, 80.0], [7.0, 9.0, 39.0, 41.0, 123.0, 125.0, 254.0], "12 mJ"),
     ],
 )
-def test_what_is_badly_known_is_said(dose: list[float], thick: list[float], told: str) -> None:
-    found = working_curve(dose, thick)
-    assert any(told in sentence for sentence in cautions(found)), cautions(found)
+def test_warns_of_poorly_determined_results(dose: list[float], thick: list[float], line: str) -> None:
+    warnings = cautions(working_curve(dose, thick))
+    assert any(line in warning for warning in warnings), warnings

@@ -1,4 +1,4 @@
-"""The index against wavelength: formulas at known values, uncertainty against finite differences, every refusal."""
+"""Index as a function of wavelength: known values, uncertainty compared with finite differences, refusals."""
 
 import math
 from typing import Any
@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 from solen.errors import DataError
 from solen.material import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated
 
-# Schott N-BK7, from its data sheet: n_d = 1.51680
+# Schott N-BK7, from its datasheet: n_d = 1.51680
 BK7 = Sellmeier(
     B=(1.03961212, 0.231792344, 1.01046945), C_um2=(0.00600069867, 0.0200179144, 103.560653), valid_nm=(300, 2500)
 )
 
 
-def told(kind: type[Dispersion], **data: Any) -> str:
-    with pytest.raises(DataError) as refusal:
+def error_line(kind: type[Dispersion], **data: Any) -> str:
+    with pytest.raises(DataError) as error:
         kind(**data)
-    line = str(refusal.value)
+    line = str(error.value)
     assert len(line.splitlines()) == 1
     return line
 
 
-def test_a_number_is_the_same_everywhere() -> None:
+def test_a_constant_index_is_the_same_at_all_wavelengths() -> None:
     assert Constant(n=1.44).index(450) == Constant(n=1.44).index(2000) == 1.44
 
 
@@ -35,7 +35,7 @@ def test_cauchy_at_one_micrometre_is_the_sum_of_its_coefficients() -> None:
     assert formula.index(500) == pytest.approx(1.5 + 0.004 * 4 + 0.0002 * 16, abs=1e-15)
 
 
-def test_sellmeier_gives_the_data_sheets_index_of_bk7() -> None:
+def test_sellmeier_yields_the_datasheet_index_of_bk7() -> None:
     assert BK7.index(587.5618) == pytest.approx(1.51680, abs=5e-6)
 
 
@@ -45,25 +45,25 @@ def test_a_table_is_linear_between_its_points() -> None:
 
 
 @pytest.mark.parametrize("wavelength_nm", [299.9, 2500.1, math.nan, math.inf, -500])
-def test_outside_its_range_an_index_is_not_known(wavelength_nm: float) -> None:
-    for ask in (BK7.index, BK7.u_index):
+def test_refuses_a_wavelength_outside_the_range(wavelength_nm: float) -> None:
+    for function in (BK7.index, BK7.u_index):
         with pytest.raises(DataError, match=r"known only from 300 to 2500 nm; choose a wavelength inside"):
-            ask(wavelength_nm)
+            function(wavelength_nm)
 
 
 @pytest.mark.parametrize("wavelength_nm", [0, -1, math.inf, math.nan])
-def test_a_formula_without_range_takes_wavelengths_above_zero(wavelength_nm: float) -> None:
+def test_a_formula_without_range_refuses_wavelengths_not_above_zero(wavelength_nm: float) -> None:
     with pytest.raises(DataError, match="above 0 nm"):
         Cauchy(A=1.5).index(wavelength_nm)
 
 
-def test_a_tables_range_is_its_extent_or_less() -> None:
+def test_the_range_of_a_table_is_at_most_its_extent() -> None:
     points: dict[str, Any] = {"wavelength_nm": (400, 500), "n": (1.5, 1.4)}
     assert Tabulated(**points).range_nm == (400, 500)
     assert Tabulated(**points, valid_nm=(420, 480)).range_nm == (420, 480)
     with pytest.raises(DataError, match="known only from 420 to 480 nm"):
         Tabulated(**points, valid_nm=(420, 480)).index(410)
-    line = told(Tabulated, **points, valid_nm=(390, 480))
+    line = error_line(Tabulated, **points, valid_nm=(390, 480))
     assert line == "index.valid_nm = [390.0, 480.0]; must be within the table, 400 to 500"
 
 
@@ -77,17 +77,17 @@ def test_a_tables_range_is_its_extent_or_less() -> None:
         (Sellmeier(B=(-0.5,), C_um2=(0.01,)), 500),
     ],
 )
-def test_an_index_below_one_or_not_finite_is_refused(formula: Dispersion, wavelength_nm: float) -> None:
+def test_refuses_an_index_below_one_or_not_finite(formula: Dispersion, wavelength_nm: float) -> None:
     with pytest.raises(DataError, match=rf"^index at {wavelength_nm} nm = .*; must be finite and at least 1; check"):
         formula.index(wavelength_nm)
 
 
-def test_without_covariance_no_uncertainty_is_claimed() -> None:
+def test_without_covariance_there_is_no_uncertainty() -> None:
     table = Tabulated(wavelength_nm=(400, 500), n=(1.5, 1.4))
-    assert [one.u_index(450) for one in (BK7, Cauchy(A=1.5), Constant(n=1.5), table)] == [None] * 4
+    assert [curve.u_index(450) for curve in (BK7, Cauchy(A=1.5), Constant(n=1.5), table)] == [None] * 4
 
 
-def test_the_uncertainty_of_a_number_is_its_own() -> None:
+def test_the_uncertainty_of_a_constant_is_u_n() -> None:
     assert Constant(n=1.5, u_n=0.002).u_index(500) == pytest.approx(0.002, rel=1e-15)
 
 
@@ -97,14 +97,14 @@ def test_the_uncertainty_between_independent_points_is_smaller_than_at_them() ->
     assert table.u_index(450) == pytest.approx(1e-3 / math.sqrt(2))
 
 
-def numeric(kind: type[Dispersion], keys: dict[str, int], values: list[float], covariance: Any, nm: float) -> float:
-    """Uncertainty by central differences over the parameters."""
+def numerical_u(kind: type[Dispersion], keys: dict[str, int], values: list[float], covariance: Any, nm: float) -> float:
+    """Return the uncertainty from central differences with respect to the parameters."""
 
     def index(parameters: list[float]) -> float:
-        left, data = list(parameters), {}
+        remaining, data = list(parameters), {}
         for key, count in keys.items():
-            data[key] = tuple(left[:count]) if kind is Sellmeier else left[0]
-            left = left[count:]
+            data[key] = tuple(remaining[:count]) if kind is Sellmeier else remaining[0]
+            remaining = remaining[count:]
         return kind(**data).index(nm)
 
     slopes = []
@@ -112,35 +112,34 @@ def numeric(kind: type[Dispersion], keys: dict[str, int], values: list[float], c
         step = 1e-5 * max(abs(value), 1e-4)
         up, down = ([*values[:i], value + sign * step, *values[i + 1 :]] for sign in (1, -1))
         slopes.append((index(up) - index(down)) / (2 * step))
-    row = np.array(slopes)
-    return math.sqrt(row @ np.array(covariance) @ row)
+    gradient = np.array(slopes)
+    return math.sqrt(gradient @ np.array(covariance) @ gradient)
 
 
 FACTORS = st.lists(st.floats(-1, 1), min_size=16, max_size=16)
 
 
-def covariance_of(factors: list[float], spread: list[float]) -> tuple[tuple[float, ...], ...]:
-    size = len(spread)
-    root = np.diag(spread) @ (
-        np.reshape(factors[: size**2], (size, size)) + 5 * np.eye(size)
-    )  # far from singular: the quotient stays sharp
+def covariance_of(factors: list[float], scales: list[float]) -> tuple[tuple[float, ...], ...]:
+    size = len(scales)
+    well_conditioned = np.reshape(factors[: size**2], (size, size)) + 5 * np.eye(size)
+    root = np.diag(scales) @ well_conditioned
     return tuple(tuple(row) for row in (root @ root.T).tolist())
 
 
 @given(FACTORS, st.floats(400, 1000))
-def test_cauchys_uncertainty_agrees_with_finite_differences(factors: list[float], nm: float) -> None:
+def test_uncertainty_of_cauchy_agrees_with_finite_differences(factors: list[float], nm: float) -> None:
     covariance = covariance_of(factors, [1e-3, 1e-4, 1e-5])
     formula = Cauchy(A=1.5, B_um2=0.004, C_um4=0.0002, covariance=covariance)
     keys = {"A": 1, "B_um2": 1, "C_um4": 1}
-    expected = numeric(Cauchy, keys, [1.5, 0.004, 0.0002], covariance, nm)
+    expected = numerical_u(Cauchy, keys, [1.5, 0.004, 0.0002], covariance, nm)
     assert formula.u_index(nm) == pytest.approx(expected, rel=1e-5)
 
 
 @given(FACTORS, st.floats(400, 1000))
-def test_sellmeiers_uncertainty_agrees_with_finite_differences(factors: list[float], nm: float) -> None:
+def test_uncertainty_of_sellmeier_agrees_with_finite_differences(factors: list[float], nm: float) -> None:
     covariance = covariance_of(factors, [1e-3, 1e-3, 1e-5, 1e-5])
     formula = Sellmeier(B=(0.99, 0.19), C_um2=(0.008, 0.022), covariance=covariance)
-    expected = numeric(Sellmeier, {"B": 2, "C_um2": 2}, [0.99, 0.19, 0.008, 0.022], covariance, nm)
+    expected = numerical_u(Sellmeier, {"B": 2, "C_um2": 2}, [0.99, 0.19, 0.008, 0.022], covariance, nm)
     assert formula.u_index(nm) == pytest.approx(expected, rel=1e-5)
 
 
@@ -157,18 +156,18 @@ def test_sellmeiers_uncertainty_agrees_with_finite_differences(factors: list[flo
         ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "must have variances of at least 0"),
     ],
 )
-def test_a_malformed_covariance_is_refused(covariance: Any, line: str) -> None:
-    told_line = told(Cauchy, A=1.5, covariance=covariance)
-    assert told_line.startswith("index.covariance = ")
-    assert line in told_line
+def test_refuses_an_invalid_covariance(covariance: Any, line: str) -> None:
+    message = error_line(Cauchy, A=1.5, covariance=covariance)
+    assert message.startswith("index.covariance")
+    assert line in message
 
 
-def test_a_covariance_without_finite_numbers_is_refused() -> None:
-    line = told(Cauchy, A=1.5, covariance=[[math.nan, 0, 0], [0, 1, 0], [0, 0, 1]])
+def test_refuses_a_covariance_that_is_not_finite() -> None:
+    line = error_line(Cauchy, A=1.5, covariance=[[math.nan, 0, 0], [0, 1, 0], [0, 0, 1]])
     assert line.startswith("index.covariance[0][0] = nan; must be a finite number")
 
 
-def test_a_singular_covariance_is_accepted() -> None:
+def test_accepts_a_singular_covariance() -> None:
     full = ((1e-6, 1e-6, 0), (1e-6, 1e-6, 0), (0, 0, 0))
     assert Cauchy(A=1.5, covariance=full).u_index(1000) == pytest.approx(2e-3)
 
@@ -181,7 +180,7 @@ def test_a_singular_covariance_is_accepted() -> None:
         (Constant, {"n": math.nan}, "index.n = nan; must be a finite number"),
         (Constant, {}, "index.n; missing; add it"),
         (Constant, {"n": 1.5, "u_n": -1}, "index.u_n = -1; must be at least 0"),
-        (Constant, {"n": 1.5, "valid_nm": [700, 400]}, "index.valid_nm = [700.0, 400.0]; must ascend"),
+        (Constant, {"n": 1.5, "valid_nm": [700, 400]}, "index.valid_nm = [700.0, 400.0]; must be in ascending order"),
         (Constant, {"n": 1.5, "valid_nm": [0, 400]}, "index.valid_nm[0] = 0; must be greater than 0"),
         (Cauchy, {"A": 1.5, "B": 1}, "index.B; unknown key"),
         (Cauchy, {"A": 1.5, "B_um": 1}, "index.B_um; unknown key; did you mean index.B_um2?"),
@@ -194,21 +193,21 @@ def test_a_singular_covariance_is_accepted() -> None:
         (
             Tabulated,
             {"wavelength_nm": [500, 400], "n": [1.4, 1.5]},
-            "index.wavelength_nm = [500.0, 400.0]; must ascend",
+            "index.wavelength_nm = [500.0, 400.0]; must be in ascending order",
         ),
         (
             Tabulated,
             {"wavelength_nm": [400, 400], "n": [1.4, 1.5]},
-            "index.wavelength_nm = [400.0, 400.0]; must ascend",
+            "index.wavelength_nm = [400.0, 400.0]; must be in ascending order",
         ),
         (Tabulated, {"wavelength_nm": [400, 500], "n": [1.4, 0.9]}, "index.n = 0.9; must be at least 1"),
         (Tabulated, {"wavelength_nm": "x", "n": [1.4, 0.9]}, "index.wavelength_nm = 'x'; must be a list"),
     ],
 )
-def test_bad_data_are_reported_with_value_and_limit(kind: type[Dispersion], data: dict[str, Any], line: str) -> None:
-    assert told(kind, **data).startswith(line)
+def test_refuses_invalid_data_with_value_and_limit(kind: type[Dispersion], data: dict[str, Any], line: str) -> None:
+    assert error_line(kind, **data).startswith(line)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_kind_states_its_own_name(kind: str) -> None:
+def test_the_default_of_kind_is_its_key(kind: str) -> None:
     assert KINDS[kind].model_fields["kind"].default == kind

@@ -1,4 +1,4 @@
-"""A layer and its bare sheet, both measured: fitted together with k at least 0, with intervals that hold the truth."""
+"""Joint fit of a layer and its bare sheet with k ≥ 0: values, refusals, and the coverage of the intervals."""
 
 from typing import Any
 
@@ -19,20 +19,20 @@ NOISE, OFFSET = 1e-3, 5e-4
 def sheet_and_layer(
     seed: int, k: float = 1e-6, side: Side = "layer", baseline: Baseline = "air"
 ) -> tuple[Recording, np.ndarray[Any, np.dtype[np.float64]]]:
-    """What a spectrophotometer reads of a layer on drawn PET and of that film, three times each, and the layer's n."""
+    """Return readings of a layer on drawn PET and of that film, three each, and the index of the layer."""
     rng = np.random.default_rng(seed)
     um = NM / 1e3
     n = rng.uniform(1.44, 1.54) + rng.uniform(0.003, 0.008) / um**2
     film = Substrate(rng.uniform(1.60, 1.65) + 0.0077 / um**2 + 0.0005 / um**4, 1.4e-6, SHEET_UM)
     layer = on_substrate(n, k, LAYER_UM, NM, Setup(film, side, baseline))
     bare = incoherent([film.n], [film.k], [SHEET_UM], NM)
-    shift = {kind: rng.normal(0.0, OFFSET) for kind in ("T", "R")}
+    offsets = {kind: rng.normal(0.0, OFFSET) for kind in ("T", "R")}
     channels = [Channel("wavelength", "wavelength", "nm", NM)]
     spectra = (("T", layer.T), ("R", layer.R), ("T sheet ", bare.through), ("R sheet ", bare.front))
     for name, values in spectra:
         kind, quantity = name[0], {"T": "transmittance", "R": "reflectance"}[name[0]]
         for number in range(3):
-            read = values + shift[kind] + rng.normal(0.0, NOISE, NM.size)
+            read = values + offsets[kind] + rng.normal(0.0, NOISE, NM.size)
             channels.append(Channel(f"{name}{number}", quantity, "1", read, axis="wavelength"))
     return Recording(tuple(channels), Provenance(file="both.csv", simulated=True)), n
 
@@ -55,14 +55,14 @@ BOTH: dict[str, Any] = {
 }
 
 
-def found(recording: Recording, **more: Any) -> LayerIndex:
+def evaluate(recording: Recording, **more: Any) -> LayerIndex:
     return index_of_layer(recording, IndexOptions(**BOTH | more))
 
 
 @pytest.mark.parametrize("side", ["layer", "substrate"])
-def test_layer_and_sheet_are_fitted_together(side: Side) -> None:
+def test_layer_and_sheet_are_fitted_jointly(side: Side) -> None:
     recording, n = sheet_and_layer(1, k=3e-5, side=side)
-    result = found(recording, side=side)
+    result = evaluate(recording, side=side)
     assert result.mode == "joint"
     assert result.interference is None
     assert (np.abs(result.n - n) < 3.0 * result.u_n).all()
@@ -73,9 +73,9 @@ def test_layer_and_sheet_are_fitted_together(side: Side) -> None:
     assert "fitted jointly" in result.warnings[0]
 
 
-def test_a_clear_layer_has_no_extinction_and_its_index_is_sharper_than_from_pointwise_readings() -> None:
+def test_the_joint_fit_of_a_clear_layer_is_more_precise_than_the_inversion_at_each_wavelength() -> None:
     recording, n = sheet_and_layer(2, k=0.0)
-    result = found(recording)
+    result = evaluate(recording)
     assert not np.isfinite(result.k).any()
     pointwise = index_of_layer(
         recording,
@@ -89,41 +89,41 @@ def test_a_clear_layer_has_no_extinction_and_its_index_is_sharper_than_from_poin
     ("change", "line"),
     [
         ({"bare_reflectance": ()}, "bare_reflectance; is missing"),
-        ({"substrate": "pet-drawn"}, "substrate; is specified both by its index and by its own spectra"),
-        ({"mode": "measured"}, "mode = 'measured'; cannot be combined with a bare sheet"),
-        ({"baseline": None}, "baseline; is required with traces"),
+        ({"substrate": "pet-drawn"}, "substrate; cannot be combined with traces of the bare substrate"),
+        ({"mode": "measured"}, "mode = 'measured'; cannot be combined with traces of the bare substrate"),
+        ({"baseline": None}, "baseline; is required with traces of the bare substrate"),
     ],
 )
-def test_what_is_missing_of_a_bare_sheet_is_refused(change: dict[str, Any], line: str) -> None:
+def test_refuses_incompatible_options_of_a_bare_substrate(change: dict[str, Any], line: str) -> None:
     with pytest.raises(SpecError, match=line):
         IndexOptions(**BOTH | change)
 
 
-def test_a_bare_sheet_at_other_wavelengths_is_refused() -> None:
+def test_refuses_a_bare_substrate_at_other_wavelengths() -> None:
     recording, _ = sheet_and_layer(1)
     other = Channel("other", "wavelength", "nm", NM[1:])
     values = np.full(NM.size - 1, 0.88)
     more = tuple(Channel(f"S{kind}", "", "1", values * scale, axis="other") for kind, scale in (("T", 1.0), ("R", 0.1)))
-    moved = Recording((*recording.channels, other, *more), recording.provenance)
-    with pytest.raises(DataError, match="same wavelengths as the layer"):
-        found(moved, bare_transmittance=("ST",), bare_reflectance=("SR",))
+    resampled = Recording((*recording.channels, other, *more), recording.provenance)
+    with pytest.raises(DataError, match="must have the same wavelengths"):
+        evaluate(resampled, bare_transmittance=("ST",), bare_reflectance=("SR",))
 
 
 def coverage(seeds: range) -> float:
-    hits = []
+    covered = []
     for seed in seeds:
         recording, n = sheet_and_layer(seed, k=10.0 ** np.random.default_rng(seed).uniform(-7.0, -4.5))
-        low, high = found(recording).interval95_n.T
-        hits.append(float(np.mean((low <= n) & (n <= high))))
-    return float(np.mean(hits))
+        low, high = evaluate(recording).interval95_n.T
+        covered.append(float(np.mean((low <= n) & (n <= high))))
+    return float(np.mean(covered))
 
 
-def test_intervals_hold_the_truth() -> None:
+def test_intervals_cover_the_true_index() -> None:
     assert coverage(range(100, 108)) > 0.7
 
 
 @pytest.mark.evidence
-def test_intervals_of_many_layers_hold_the_truth() -> None:
-    share = coverage(range(200))
-    print(f"layer and bare sheet, 200 draws: coverage of 95 % intervals {share:.3f}")
-    assert 0.92 < share < 0.985
+def test_intervals_of_many_layers_cover_the_true_index() -> None:
+    covered = coverage(range(200))
+    print(f"layer and bare sheet, 200 draws: coverage of 95 % intervals {covered:.3f}")
+    assert 0.92 < covered < 0.985

@@ -1,4 +1,4 @@
-"""Resin files, the library, and the numbers of a design's material."""
+"""Resin files, the library, and the optical properties of a design's material."""
 
 import re
 from pathlib import Path
@@ -14,17 +14,17 @@ HEAD = 'schema = 1\nname = "mine"\nsource = "measured"\n'
 N = '[index]\nkind = "number"\nn = 1.5\n'
 
 
-def written(folder: Path, text: str) -> Path:
+def resin_file(folder: Path, text: str) -> Path:
     file = folder / "mine.toml"
     file.write_text(text, encoding="utf-8")
     return file
 
 
-def told(folder: Path, text: str) -> str:
-    file = written(folder, text)
-    with pytest.raises(DataError) as refusal:
+def error_line(folder: Path, text: str) -> str:
+    file = resin_file(folder, text)
+    with pytest.raises(DataError) as error:
         load_resin(file)
-    line = str(refusal.value)
+    line = str(error.value)
     assert len(line.splitlines()) == 1
     assert line.startswith(str(file))
     return line.removeprefix(str(file)).removeprefix(": ")
@@ -39,8 +39,8 @@ def told(folder: Path, text: str) -> str:
         ('kind = "sellmeier"\nB = [1.25]\nC_um2 = [0.0]', Sellmeier, 1.5),
     ],
 )
-def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: float, tmp_path: Path) -> None:
-    resin = load_resin(written(tmp_path, f"{HEAD}[index]\n{index}\n[loss]\nabsorption_per_mm = 0.01\n"))
+def test_a_file_contains_an_index_of_each_kind(index: str, kind: type, at_500_nm: float, tmp_path: Path) -> None:
+    resin = load_resin(resin_file(tmp_path, f"{HEAD}[index]\n{index}\n[loss]\nabsorption_per_mm = 0.01\n"))
     assert isinstance(resin.index, kind)
     assert resin.index.index(500) == pytest.approx(at_500_nm, abs=1e-12)
     assert (resin.name, resin.source, resin.loss.absorption_per_mm) == ("mine", "measured", 0.01)
@@ -59,7 +59,7 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         (f'{HEAD}[index]\nkind = "cauchy"\nA = 1.5\nB_um = 0', "index.B_um; unknown key; did you mean index.B_um2?"),
         (f'{HEAD}[index]\nkind = "number"\nn = 0.5', "index.n = 0.5; must be at least 1"),
         (f"{HEAD}index = 1.5", "index = 1.5; must be a table; write [index]"),
-        (f"{HEAD}", "; must have at least one of index, loss, cure, stiffness, formulation; add e.g. [index]"),
+        (f"{HEAD}", "; must have at least one of index, loss, cure, stiffness, formulation; add"),
         (f'{HEAD}sources = "x"\n{N}', "sources = 'x'; must be a list of tables; write [[sources]]"),
         (f'{HEAD}sourec = "x"\n{N}', "sourec; unknown key; did you mean source?"),
         (f'{HEAD}{N}mode = "as_published"', "index.mode = 'as_published'; must be one of measured, absorptance,"),
@@ -108,11 +108,11 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         ("schema = ", "; not valid TOML: Invalid value (at line 1, column 10)"),
     ],
 )
-def test_a_bad_file_is_reported_in_one_line(text: str, line: str, tmp_path: Path) -> None:
-    assert told(tmp_path, text).startswith(line)
+def test_refuses_an_invalid_file_in_one_line(text: str, line: str, tmp_path: Path) -> None:
+    assert error_line(tmp_path, text).startswith(line)
 
 
-def test_a_missing_file_is_reported(tmp_path: Path) -> None:
+def test_refuses_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         load_resin(tmp_path / "mine.toml")
 
@@ -124,7 +124,7 @@ def test_pmma_has_the_index_of_the_literature() -> None:
     assert pmma.range_nm == (436.8, 1052.0)
 
 
-def test_every_resin_of_the_library_loads_and_says_its_source() -> None:
+def test_every_resin_of_the_library_loads_and_names_its_source() -> None:
     assert "pmma" in library()
     for name in library():
         resin = library_resin(name)
@@ -132,28 +132,28 @@ def test_every_resin_of_the_library_loads_and_says_its_source() -> None:
         assert resin.index.index(sum(resin.index.range_nm) / 2) > 1
 
 
-def test_an_unknown_resin_is_reported_with_the_nearest() -> None:
-    known = re.escape(", ".join(library()))
-    with pytest.raises(DataError, match=rf"^resin = 'PMAA'; not in the library \({known}\); did you mean pmma\?$"):
+def test_an_unknown_resin_is_refused_with_the_closest_name() -> None:
+    names = re.escape(", ".join(library()))
+    with pytest.raises(DataError, match=rf"^resin = 'PMAA'; not in the library \({names}\); did you mean pmma\?$"):
         library_resin("PMAA")
-    with pytest.raises(DataError, match=rf"^resin = 'glass'; not in the library \({known}\); .*\.toml"):
+    with pytest.raises(DataError, match=rf"^resin = 'glass'; not in the library \({names}\); .*\.toml"):
         library_resin("glass")
 
 
-def test_a_design_with_an_index_is_taken_at_its_word() -> None:
+def test_a_design_with_an_index_uses_it() -> None:
     design = Design(name="x", material=Material(index=1.44, absorption_per_mm=0.02))
     assert optical(design) == Optical(1.44, None, 0.02, "the design's material.index")
 
 
 def test_a_library_resin_is_evaluated_at_the_emitters_wavelength() -> None:
-    found = optical(Design(name="x", material=Material(resin="pmma")))
-    assert found.index == pytest.approx(1.4833, abs=1e-4)
-    assert (found.u_index, found.absorption_per_mm) == (None, 0.0)
-    assert "116, 585 (2009)" in found.source
+    properties = optical(Design(name="x", material=Material(resin="pmma")))
+    assert properties.index == pytest.approx(1.4833, abs=1e-4)
+    assert (properties.u_index, properties.absorption_per_mm) == (None, 0.0)
+    assert "116, 585 (2009)" in properties.source
 
 
-def designed(folder: Path, material: str, wavelength_nm: float = 500) -> Design:
-    written(
+def design_of(folder: Path, material: str, wavelength_nm: float = 500) -> Design:
+    resin_file(
         folder,
         f'{HEAD}[index]\nkind = "number"\nn = 1.5\nu_n = 0.001\nvalid_nm = [400, 900]\n'
         "[loss]\nabsorption_per_mm = 0.03\n",
@@ -166,19 +166,19 @@ def designed(folder: Path, material: str, wavelength_nm: float = 500) -> Design:
     return load(file)
 
 
-@pytest.mark.parametrize(("stated", "expected"), [("", 0.03), ("absorption_per_mm = 0.0", 0.0)])
-def test_a_resin_file_lies_beside_its_design_and_a_stated_absorption_overrules_it(
-    stated: str, expected: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("absorption", "expected"), [("", 0.03), ("absorption_per_mm = 0.0", 0.0)])
+def test_a_resin_file_is_relative_to_its_design_and_a_specified_absorption_overrides_it(
+    absorption: str, expected: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    found = optical(designed(tmp_path, f'resin = "mine.toml"\n{stated}'))
-    assert (found.index, found.u_index, found.absorption_per_mm) == (1.5, 0.001, expected)
-    assert found.source == "mine: measured"
-    assert any("mine, 0.03 per mm" in text for text in found.warnings) is bool(stated)
+    properties = optical(design_of(tmp_path, f'resin = "mine.toml"\n{absorption}'))
+    assert (properties.index, properties.u_index, properties.absorption_per_mm) == (1.5, 0.001, expected)
+    assert properties.source == "mine: measured"
+    assert any("mine, 0.03 per mm" in text for text in properties.warnings) is bool(absorption)
 
 
-def test_every_measured_table_warns_and_light_hears_of_index_and_loss_alone(tmp_path: Path) -> None:
+def test_every_table_warns_but_the_optical_properties_only_of_index_and_loss(tmp_path: Path) -> None:
     tables = {
         "index": 'kind = "number"\nn = 1.5\nmode = "lossless"',
         "loss": "absorption_per_mm = 0.03",
@@ -187,34 +187,34 @@ def test_every_measured_table_warns_and_light_hears_of_index_and_loss_alone(tmp_
     }
     text = "".join(f'[{name}]\n{values}\nwarnings = ["doubt of {name}"]\n' for name, values in tables.items())
     text += "".join(f'[[sources]]\nof = "{name}"\nsimulated = true\n' for name in ("cure", "stiffness"))
-    resin = load_resin(written(tmp_path, HEAD + text))
+    resin = load_resin(resin_file(tmp_path, HEAD + text))
     simulated = [f"{name}: from simulated data, not measured" for name in ("cure", "stiffness")]
     assert list(resin.warnings) == [*simulated, *(f"{name}: doubt of {name}" for name in tables)]
     assert resin.cautions("stiffness") == (simulated[1], "stiffness: doubt of stiffness")
     (tmp_path / "sensor.toml").write_text('schema = 1\nname = "x"\n[material]\nresin = "mine.toml"\n', encoding="utf-8")
     design = load(tmp_path / "sensor.toml")
-    found = [text for text in optical(design).warnings if "doubt" in text]
-    assert found == ["index: doubt of index", "loss: doubt of loss"]
+    doubts = [text for text in optical(design).warnings if "doubt" in text]
+    assert doubts == ["index: doubt of index", "loss: doubt of loss"]
     assert stiffness_cautions(design) == resin.cautions("stiffness")
-    own = design.mechanics.model_copy(update={"modulus_MPa": 2.0})
-    assert stiffness_cautions(design.model_copy(update={"mechanics": own})) == ()
+    with_modulus = design.mechanics.model_copy(update={"modulus_MPa": 2.0})
+    assert stiffness_cautions(design.model_copy(update={"mechanics": with_modulus})) == ()
 
 
-def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(tmp_path: Path) -> None:
-    written(tmp_path, f'{HEAD}[index]\nkind = "number"\nn = 1.44\n[loss]\nabsorption_per_mm = 0.03\n')
+def test_the_example_design_uses_the_loss_of_the_resin_that_replaces_its_index(tmp_path: Path) -> None:
+    resin_file(tmp_path, f'{HEAD}[index]\nkind = "number"\nn = 1.44\n[loss]\nabsorption_per_mm = 0.03\n')
     file = tmp_path / "sensor.toml"
     file.write_text(re.sub(r"(?m)^index = 1.44", 'resin = "mine.toml"', template()), encoding="utf-8")
     assert optical(load(file)).absorption_per_mm == 0.03
 
 
-def test_a_wavelength_that_the_resin_does_not_know_is_reported(tmp_path: Path) -> None:
-    line = "^resin mine: index at 950 nm; it is known only from 400 to 900 nm; choose a wavelength inside"
+def test_refuses_a_wavelength_outside_the_range_of_the_resin(tmp_path: Path) -> None:
+    line = "^resin mine: index at 950 nm; is known only from 400 to 900 nm; choose a wavelength inside"
     with pytest.raises(SolenError, match=line):
-        optical(designed(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
+        optical(design_of(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
 
 
-def test_a_design_that_names_no_resin_there_is_reported(tmp_path: Path) -> None:
+def test_refuses_a_design_whose_resin_does_not_exist(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
-        optical(designed(tmp_path, 'resin = "other.toml"'))
+        optical(design_of(tmp_path, 'resin = "other.toml"'))
     with pytest.raises(DataError, match="did you mean pmma"):
-        optical(designed(tmp_path, 'resin = "pmm"'))
+        optical(design_of(tmp_path, 'resin = "pmm"'))

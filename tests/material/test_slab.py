@@ -1,4 +1,4 @@
-"""A slab and its inverse: against the formulas at fifty digits, analytic cases and finite differences."""
+"""A slab and its inversion: compared with the formulas at fifty digits, analytic cases and finite differences."""
 
 import math
 from decimal import Decimal
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from solen.material.index import high_precision, inversion
 from solen.material.index.fringes import fringe_spacing_nm
-from solen.material.index.inversion import Inverted, invert, invert_many, slopes
+from solen.material.index.inversion import AirInversion, invert, invert_many, slopes
 from solen.material.index.stack import forward, interface_reflectance
 
 LAYERS = [
@@ -26,44 +26,44 @@ LAYERS = [
 
 
 @pytest.mark.parametrize(("n", "k", "h", "wavelength"), LAYERS)
-def test_the_forward_model_is_the_reference_to_rounding(n: float, k: float, h: float, wavelength: float) -> None:
+def test_the_forward_model_equals_the_reference_to_rounding(n: float, k: float, h: float, wavelength: float) -> None:
     expected = high_precision.layer(n, k, h, wavelength)
-    # e^(−x) is known to x times the rounding of x
+    # the relative rounding error of e^(−x) is x times that of x
     depth = 4 * math.pi * k * h * 1e3 / wavelength
-    for found, exact in zip(forward(n, k, h, wavelength), expected, strict=True):
-        assert float(found) == pytest.approx(float(exact), rel=1e-15 * (4 + depth))
+    for value, exact in zip(forward(n, k, h, wavelength), expected, strict=True):
+        assert float(value) == pytest.approx(float(exact), rel=1e-15 * (4 + depth))
 
 
 @pytest.mark.parametrize(("n", "k", "h", "wavelength"), [layer for layer in LAYERS if layer[1] < 0.1])
 def test_the_reference_inverts_itself(n: float, k: float, h: float, wavelength: float) -> None:
-    found_n, found_k = high_precision.index(*high_precision.layer(n, k, h, wavelength), h, wavelength)
-    assert abs(found_n - Decimal(n)) < Decimal("1e-30")
-    assert abs(found_k - Decimal(k)) < Decimal("1e-30")
+    inverted_n, inverted_k = high_precision.index(*high_precision.layer(n, k, h, wavelength), h, wavelength)
+    assert abs(inverted_n - Decimal(n)) < Decimal("1e-30")
+    assert abs(inverted_k - Decimal(k)) < Decimal("1e-30")
 
 
 @pytest.mark.parametrize(("n", "k", "h", "wavelength"), LAYERS)
 def test_the_inverse_is_exact_to_rounding(n: float, k: float, h: float, wavelength: float) -> None:
     r, t = forward(n, k, h, wavelength)
-    found = invert(r, t, h, wavelength)
-    assert float(found.n) == pytest.approx(n, abs=1e-13)  # where n is near 1, n − 1 goes as the root of R
-    assert float(found.k) == pytest.approx(k, abs=1e-16 * wavelength / h)
+    inverted = invert(r, t, h, wavelength)
+    assert float(inverted.n) == pytest.approx(n, abs=1e-13)  # near n = 1, n − 1 is proportional to the root of R
+    assert float(inverted.k) == pytest.approx(k, abs=1e-16 * wavelength / h)
 
 
 @given(st.floats(0.001, 0.6), st.floats(1e-12, 1.0), st.floats(1, 1000), st.floats(200, 20000))
 def test_any_reflectance_and_transmittance_invert_as_at_fifty_digits(
     r: float, t: float, h: float, wavelength: float
 ) -> None:
-    found = invert(r, t, h, wavelength)
+    inverted = invert(r, t, h, wavelength)
     try:
         n, k = high_precision.index(r, t, h, wavelength)
     except ArithmeticError:  # no n, as k is too large for this R
-        assert np.isnan(found.n)
+        assert np.isnan(inverted.n)
         return
     scale = wavelength / (4e3 * math.pi * h)
-    assert float(found.k) == pytest.approx(float(k), abs=1e-14 * scale, rel=1e-14)
-    root = float(n - (1 + Decimal(float(found.face))) / (1 - Decimal(float(found.face))))
-    if root > 1e-3:  # at its branch point an index is known to the root of the rounding only
-        assert float(found.n) == pytest.approx(float(n), rel=1e-12)
+    assert float(inverted.k) == pytest.approx(float(k), abs=1e-14 * scale, rel=1e-14)
+    root = float(n - (1 + Decimal(float(inverted.face))) / (1 - Decimal(float(inverted.face))))
+    if root > 1e-3:  # at the branch point, only the root of the rounding error is reached
+        assert float(inverted.n) == pytest.approx(float(n), rel=1e-12)
 
 
 def test_a_clear_slab_has_the_closed_form() -> None:
@@ -73,87 +73,87 @@ def test_a_clear_slab_has_the_closed_form() -> None:
     np.testing.assert_allclose(r + t, 1.0, rtol=1e-15)
 
 
-def test_no_layer_of_air_reflects_and_a_black_one_reflects_by_its_face() -> None:
-    assert [float(share) for share in forward(1.0, 0.0, 25.0, 500.0)] == [0.0, 1.0]
+def test_a_layer_of_air_does_not_reflect_and_an_opaque_one_reflects_at_its_front_face() -> None:
+    assert [float(fraction) for fraction in forward(1.0, 0.0, 25.0, 500.0)] == [0.0, 1.0]
     r, t = forward(1.5, 1.0, 1e6, 500.0)
     assert (float(t), float(r)) == (0.0, float(interface_reflectance(1.0, 0.0, 1.5, 1.0)))
 
 
 @given(st.floats(1.0, 4.0), st.floats(0.0, 1.0), st.floats(1, 1000), st.floats(200, 20000))
-def test_no_slab_makes_light(n: float, k: float, h: float, wavelength: float) -> None:
+def test_no_slab_generates_light(n: float, k: float, h: float, wavelength: float) -> None:
     r, t = forward(n, k, h, wavelength)
     assert r >= 0.0
     assert t >= 0.0
     assert r + t <= 1.0 + 1e-15
 
 
-def test_sensitivities_near_a_polymer_are_the_known_ones() -> None:
+def test_sensitivities_of_a_polymer_equal_the_analytic_ones() -> None:
     n_by, _ = slopes(*forward(1.5, 0.0, 50.0, 860.0), 50.0, 860.0)
-    # at k = 0 by hand: R = 2F/(1 + F), T = (1 − F)/(1 + F), and n follows from F alone
+    # analytically, at k = 0: R = 2F/(1 + F), T = (1 − F)/(1 + F), and n follows from F alone
     assert float(n_by["R"]) == pytest.approx(3.9125, rel=1e-12)
     assert float(n_by["T"]) == pytest.approx(-0.3125, rel=1e-12)
     assert float(n_by["T"] - n_by["R"]) * 0.001 == pytest.approx(-0.0042, abs=5e-5)  # R by difference
 
 
 @given(st.floats(1.2, 3.5), st.floats(1e-9, 0.02), st.floats(10, 300), st.floats(300, 3000), st.sampled_from(range(3)))
-def test_slopes_agree_with_differences_at_fifty_digits(
+def test_slopes_agree_with_finite_differences_at_fifty_digits(
     n: float, k: float, h: float, wavelength: float, which: int
 ) -> None:
     values = [*high_precision.layer(n, k, h, wavelength), Decimal(h)]
-    assume(values[1] > Decimal("1e-6"))  # R − R_F, as printed, loses twice the digits that T lacks
+    assume(values[1] > Decimal("1e-6"))  # R − R_F, as published, loses twice as many digits as T
     step = values[which] * Decimal("1e-20")
     low, high = list(values), list(values)
     low[which] -= step
     high[which] += step
-    down, up = (high_precision.index(at[0], at[1], at[2], wavelength) for at in (low, high))
+    down, up = (high_precision.index(r, t, h, wavelength) for r, t, h in (low, high))
     r, t, _ = (float(value) for value in values)
-    what = ("R", "T", "thickness_um")[which]
-    pair = [by[what] for by in slopes(r, t, h, wavelength)]
-    for slope, one, other in zip(pair, down, up, strict=True):
-        # the slope of n by h is k times something: where that is lost in the rounding of k, so is the slope
-        assert float(slope) == pytest.approx(float((other - one) / (2 * step)), rel=1e-6, abs=1e-12)
+    name = ("R", "T", "thickness_um")[which]
+    pair = [by[name] for by in slopes(r, t, h, wavelength)]
+    for slope, lower, upper in zip(pair, down, up, strict=True):
+        # the slope of n with h is proportional to k: if k is lost in rounding, the slope is lost too
+        assert float(slope) == pytest.approx(float((upper - lower) / (2 * step)), rel=1e-6, abs=1e-12)
 
 
-def test_the_thickness_hardly_moves_the_index() -> None:
+def test_the_index_hardly_depends_on_the_thickness() -> None:
     r, t = forward(1.5, 1e-5, 50.0, 860.0)
     n = invert(r, t, np.array([25.0, 50.0, 200.0]), 860.0).n
     assert float(np.ptp(n)) < 2e-9
 
 
 @pytest.mark.parametrize(("r", "t"), [(0.0, 0.9), (1.0, 0.1), (-0.01, 0.9), (0.05, 0.0), (0.05, -0.1), (np.nan, 0.9)])
-def test_where_there_is_no_index_there_is_none(r: float, t: float) -> None:
-    found = invert(r, t, 25.0, 500.0)
-    assert np.isnan(found.n)
+def test_impossible_readings_yield_no_index(r: float, t: float) -> None:
+    inverted = invert(r, t, 25.0, 500.0)
+    assert np.isnan(inverted.n)
 
 
-def test_too_much_light_gives_a_negative_k_and_still_an_index() -> None:
-    found = invert(0.0800, 0.9300, 25.0, 500.0)
-    assert float(found.k) < 0.0
-    assert float(found.tau) > 1.0
-    assert float(found.n) == pytest.approx(1.51, abs=0.01)
+def test_excess_light_yields_a_negative_k_and_an_index() -> None:
+    inverted = invert(0.0800, 0.9300, 25.0, 500.0)
+    assert float(inverted.k) < 0.0
+    assert float(inverted.tau) > 1.0
+    assert float(inverted.n) == pytest.approx(1.51, abs=0.01)
 
 
-def test_the_other_index_fits_as_well() -> None:
+def test_the_other_index_fits_equally_well() -> None:
     r, t = forward(1.3, 0.5, 5.0, 8000.0)
-    found = invert(r, t, 5.0, 8000.0)
-    again = forward(found.other_n, found.k, 5.0, 8000.0)
+    inverted = invert(r, t, 5.0, 8000.0)
+    again = forward(inverted.other_n, inverted.k, 5.0, 8000.0)
     np.testing.assert_allclose(again, (r, t), rtol=1e-13)
 
 
 @pytest.mark.parametrize("shape", [(), (7,), (3, 1, 5), (2, 0), (40, 1000)])
-def test_many_at_once_are_each_alone(shape: tuple[int, ...]) -> None:
+def test_many_values_are_inverted_as_each_alone(shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(5)
     r, t = rng.uniform(0.03, 0.2, shape), rng.uniform(0.2, 0.95, shape)
     wavelength = np.linspace(400.0, 900.0, shape[-1]) if shape else 500.0
     n, k = invert_many(r, t, 30.0, wavelength)
-    found: Inverted = invert(r, t, 30.0, wavelength)
-    np.testing.assert_array_equal(n, found.n)
-    np.testing.assert_array_equal(k, found.k)
+    inverted: AirInversion = invert(r, t, 30.0, wavelength)
+    np.testing.assert_array_equal(n, inverted.n)
+    np.testing.assert_array_equal(k, inverted.k)
     assert n.shape == shape
 
 
-def test_many_are_shared_among_cores_and_written_where_they_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inversion, "MUCH", 0)
+def test_many_values_are_inverted_on_several_cores_into_given_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inversion, "MIN_PARALLEL_SIZE", 0)
     monkeypatch.setattr("os.cpu_count", lambda: 3)
     rng = np.random.default_rng(6)
     r, t = rng.uniform(0.03, 0.2, (7, 11)), rng.uniform(0.2, 0.95, (7, 11))

@@ -8,7 +8,7 @@ import yaml
 
 from solen.arrays import FloatArray
 from solen.material.index import Length, forward, invert, measured, reading
-from solen.material.index.masks import Why
+from solen.material.index.masks import Reason
 
 POLYMERS = ("PMMA_Zhang-Tomson", "PDMS_Zhang-10-1", "PC_Zhang", "PET_Zhang")
 THICKNESSES_UM = (25.0, 50.0, 100.0, 200.0)
@@ -33,7 +33,7 @@ def test_inverts_slab_of_polymer(outside: Path, name: str, thickness_um: float) 
     known = index.n.known
     assert np.abs(index.n.value - n)[known].max() < 1e-9
     # within strong bands two indices fit; there n is masked, and one of the two is that of the polymer
-    assert set(index.n.why[~known].tolist()) <= {Why.AMBIGUOUS}
+    assert set(index.n.codes[~known].tolist()) <= {Reason.AMBIGUOUS}
     assert (~known).sum() <= 25
     roots = invert(r, t, thickness_um, nm)
     error = np.minimum(np.abs(roots.n - n), np.abs(roots.other_n - n))

@@ -65,5 +65,5 @@ def test_shipped_table_contains_published_values(outside: Path, name: str) -> No
 def test_refractometer_value_predicts_published_curve(outside: Path, name: str) -> None:
     """From n at 589.3 nm alone, within three stated uncertainties and the published scatter at every wavelength."""
     nm, n = published(outside, name)[:2]
-    value, u = refractometer(float(np.interp(589.3, nm, n)), 5e-4).fit.along(nm)
+    value, u = refractometer(float(np.interp(589.3, nm, n)), 5e-4).fit.indices(nm)
     assert (abs(value - n) < 3.3 * u + 1e-3).all()

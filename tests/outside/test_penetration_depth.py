@@ -15,7 +15,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.material.cure.penetration import Attenuation, attenuation
-from solen.material.cure.spectral import lamp_lines, left
+from solen.material.cure.spectral import lamp_lines, transmitted
 from solen.material.index.illuminant import Illuminant, led, measured_light
 from solen.recording import read, spectra
 
@@ -94,7 +94,7 @@ def test_light_of_printer_does_not_decay_exponentially(resin: tuple[FloatArray, 
 def test_dp_of_measured_lamp_increases_with_depth(resin: tuple[FloatArray, FloatArray], asiga: Illuminant) -> None:
     """The expected values are sums over the measured spectra, independent of solen; a few lines reproduce the decay."""
     absorption_per_um = np.interp(asiga.wavelength_nm, *resin) * math.log(10.0) / PATH_UM
-    weight = asiga.share / asiga.share.sum()
+    weight = asiga.weight / asiga.weight.sum()
     surface_dp_um = 1.0 / float(weight @ absorption_per_um)
     remaining = weight * np.exp(-300.0 * absorption_per_um)
     dp_at_300_um = float(remaining.sum() / (remaining @ absorption_per_um))
@@ -103,4 +103,4 @@ def test_dp_of_measured_lamp_increases_with_depth(resin: tuple[FloatArray, Float
     assert (result.local_um(), result.local_um(300.0)) == pytest.approx((surface_dp_um, dp_at_300_um), rel=1e-9)
     for depth_um in (50.0, 100.0, 200.0, 300.0, 500.0):
         expected = float(weight @ np.exp(-depth_um * absorption_per_um))
-        assert float(left(lamp_lines(result), depth_um / surface_dp_um)) == pytest.approx(expected, rel=1e-3)
+        assert float(transmitted(lamp_lines(result), depth_um / surface_dp_um)) == pytest.approx(expected, rel=1e-3)

@@ -1,4 +1,4 @@
-"""solen resin stiffness from files to its result: groups, modes, simultaneous fits, tables, and what is refused."""
+"""`solen resin stiffness` from files to results: groups, modes, simultaneous fits, tables and refusals."""
 
 import json
 from pathlib import Path
@@ -29,26 +29,26 @@ from solen.samples import sample_files
 CUBE = Dimensions(cube_mm=10)
 
 
-def of(path: Path, dimensions: Dimensions = Dimensions(), **options: Any) -> MeasuredStiffness:
-    """Stiffness of one file."""
-    chosen = StiffnessOptions(**options)
-    return stiffness_of([MechanicalTest(read(path), chosen.mode, dimensions=dimensions)], chosen)
+def evaluated(path: Path, dimensions: Dimensions = Dimensions(), **values: Any) -> MeasuredStiffness:
+    """Return the stiffness of one file."""
+    options = StiffnessOptions(**values)
+    return stiffness_of([MechanicalTest(read(path), options.mode, dimensions=dimensions)], options)
 
 
-def pressed(path: Path, modulus: float, *, seed: int = 0, cycles: int = 2) -> Path:
-    """A cube of 10 mm behind a gap of 0.2 mm, simulated; the second cycle is 10 % softer."""
-    travel = np.concatenate([np.linspace(0, 4, 400), np.linspace(4, 0, 400)[1:]] * cycles)
-    felt = np.maximum(travel - 0.2, 0) / 10
-    force = -100 * model("neo-hookean").stress([modulus / 6], UNIAXIAL, 1 - felt)
+def compression_file(path: Path, modulus: float, *, seed: int = 0, cycles: int = 2) -> Path:
+    """Write a simulated test of a cube of 10 mm with a gap of 0.2 mm; the second cycle is 10 % softer."""
+    displacement = np.concatenate([np.linspace(0, 4, 400), np.linspace(4, 0, 400)[1:]] * cycles)
+    compression = np.maximum(displacement - 0.2, 0) / 10
+    force = -100 * model("neo-hookean").stress([modulus / 6], UNIAXIAL, 1 - compression)
     force[400:] *= 0.9
     force += 0.01 * np.random.default_rng(seed).standard_normal(len(force))
-    rows = "\n".join(f"{d:.6g},{f:.6g}" for d, f in zip(travel, force, strict=True))
+    rows = "\n".join(f"{d:.6g},{f:.6g}" for d, f in zip(displacement, force, strict=True))
     path.write_text(f"displacement (mm),force (N)\n{rows}\n", encoding="utf-8")
     return path
 
 
-def pulled(path: Path, name: str) -> Path:
-    """Bare columns, stress and stretch, of a Yeoh solid."""
+def tension_file(path: Path, name: str) -> Path:
+    """Write columns of stress and stretch of a Yeoh solid, without a header."""
     mode = {"ut": UNIAXIAL, "ps": PLANAR, "et": EQUIBIAXIAL}[name]
     stretch = np.linspace(1, 3, 25)
     stress = model("yeoh").stress([0.18, -0.004, 0.002], mode, stretch)
@@ -58,44 +58,44 @@ def pulled(path: Path, name: str) -> Path:
 
 def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
     moduli = (1.9, 2.1, 0.7, 0.8)
-    files = tuple(pressed(tmp_path / f"cube{n}.csv", m, seed=n) for n, m in enumerate(moduli))
+    files = tuple(compression_file(tmp_path / f"cube{n}.csv", m, seed=n) for n, m in enumerate(moduli))
     figure, table, out = tmp_path / "f.svg", tmp_path / "t.csv", tmp_path / "r.json"
     labels, options = ("a-PU", "a-PU", "ma-PU", "ma-PU"), StiffnessOptions(fit=("neo-hookean",))
     outcome = stiffness(
         *files, options=options, dimensions=CUBE, label=labels, figure=FigureOptions(figure=figure), csv=table, out=out
     )
     assert dict(outcome.files) == {"figure": figure, "csv": table, "out": out}
-    found = outcome.result
-    stiff, soft = found.groups
+    result = outcome.result
+    stiff, soft = result.groups
     assert (stiff.label, soft.label) == ("a-PU", "ma-PU")
     assert stiff.mode == "compression"
     assert stiff.strain_range == (0.02, 0.1)
-    # an ideal rubber's slope over 2 to 10 % is 1.137 of its first; the toe is known to 0.1 % of strain
-    for group, wanted in ((stiff, (1.9, 2.1)), (soft, (0.7, 0.8))):
-        assert group.modulus_MPa == pytest.approx(1.137 * np.mean(wanted), rel=0.01)
-        assert group.sd_modulus_MPa == pytest.approx(1.137 * np.std(wanted, ddof=1), rel=0.05)
+    # the slope of an ideal rubber over 2 to 10 % is 1.137 times its initial one; the toe is known to 0.1 % strain
+    for group, expected in ((stiff, (1.9, 2.1)), (soft, (0.7, 0.8))):
+        assert group.modulus_MPa == pytest.approx(1.137 * np.mean(expected), rel=0.01)
+        assert group.sd_modulus_MPa == pytest.approx(1.137 * np.std(expected, ddof=1), rel=0.05)
         assert group.model is not None
-        assert group.model.initial_modulus_MPa == pytest.approx(np.mean(wanted), rel=0.01)
+        assert group.model.initial_modulus_MPa == pytest.approx(np.mean(expected), rel=0.01)
         assert group.model.stable["uniaxial"] == StableRange(None, None)
-        lost = [each.softening.peak_stress for each in group.specimens if each.softening is not None]
-        assert lost == pytest.approx([0.1, 0.1], abs=0.003)
-    assert found.modulus_MPa == stiff.modulus_MPa
-    assert any("apply only to a-PU" in w for w in found.warnings)
-    assert any(w.startswith("ma-PU: shape factor 0.25") for w in found.warnings)
-    assert any("standard deviation is itself uncertain by 76 %" in w for w in found.warnings)
-    assert len(found.sources) == 4
+        softening = [specimen.softening.peak_stress for specimen in group.specimens if specimen.softening is not None]
+        assert softening == pytest.approx([0.1, 0.1], abs=0.003)
+    assert result.modulus_MPa == stiff.modulus_MPa
+    assert any("only to a-PU" in line for line in result.warnings)
+    assert any(line.startswith("ma-PU: ") and "shape factor 0.25" in line for line in result.warnings)
+    assert any("76 %" in line for line in result.warnings)
+    assert len(result.sources) == 4
     written = json.loads(out.read_text(encoding="utf-8"))
     assert written["kind"] == "stiffness"
-    assert written["modulus_MPa"] == found.modulus_MPa
-    drawn = figure.read_text(encoding="utf-8")
-    assert "ma-PU: E = " in drawn
-    assert "compressive engineering strain" in drawn
+    assert written["modulus_MPa"] == result.modulus_MPa
+    text = figure.read_text(encoding="utf-8")
+    assert "ma-PU: E = " in text
+    assert "compressive engineering strain" in text
     rows = table.read_text(encoding="utf-8").splitlines()
     assert rows[0] == "specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"
     assert len(rows) == 1 + 4 * (2 * 799)
 
 
-def test_a_table_of_simulated_specimens_says_so(tmp_path: Path) -> None:
+def test_a_table_of_simulated_specimens_is_marked(tmp_path: Path) -> None:
     cube, table = tmp_path / "cube.csv", tmp_path / "curves.csv"
     cube.write_bytes(sample_files()["cube-simulated.csv"])
     stiffness(cube, dimensions=CUBE, csv=table)
@@ -105,22 +105,21 @@ def test_a_table_of_simulated_specimens_says_so(tmp_path: Path) -> None:
 
 
 def test_three_modes_in_one_fit(tmp_path: Path) -> None:
-    uniaxial, planar, biaxial = (pulled(tmp_path / f"{name}.txt", name) for name in ("ut", "ps", "et"))
+    uniaxial, planar, biaxial = (tension_file(tmp_path / f"{name}.txt", name) for name in ("ut", "ps", "et"))
     options = StiffnessOptions(mode="tension")
-    found = stiffness(
-        uniaxial, options=options, planar=(planar,), biaxial=(biaxial,), columns=("stress_MPa", "stretch")
-    )
-    best = found.result.model
-    assert found.result.groups == ()
+    columns = ("stress_MPa", "stretch")
+    result = stiffness(uniaxial, options=options, planar=(planar,), biaxial=(biaxial,), columns=columns).result
+    best = result.model
+    assert result.groups == ()
     assert best is not None
     assert best.kind == "yeoh"
     np.testing.assert_allclose(best.values, [0.18, -0.004, 0.002], rtol=1e-4)
     assert [quality.mode for quality in best.quality] == ["uniaxial", "planar", "equibiaxial"]
-    assert [each.mode for each in found.result.specimens] == ["uniaxial", "planar", "equibiaxial"]
-    assert [fit.kind for fit in found.result.fits] == list(KINDS)
-    aicc = np.array([fit.aicc for fit in found.result.fits], float)
-    above = np.array([fit.delta_aicc for fit in found.result.fits], float)
-    np.testing.assert_allclose(above, aicc - np.nanmin(aicc))
+    assert [specimen.mode for specimen in result.specimens] == ["uniaxial", "planar", "equibiaxial"]
+    assert [fit.kind for fit in result.fits] == list(KINDS)
+    aicc = np.array([fit.aicc for fit in result.fits], float)
+    differences = np.array([fit.delta_aicc for fit in result.fits], float)
+    np.testing.assert_allclose(differences, aicc - np.nanmin(aicc))
     assert best.u_parameters is not None
     assert len(best.u_parameters) == 3
 
@@ -133,32 +132,30 @@ def test_specimens_named_by_a_column(tmp_path: Path) -> None:
             lines += [f"{material},{specimen},{e:.5f},{modulus * factor * e:.6f}" for e in strain]
     path = tmp_path / "long.csv"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    found = of(path, mode="tension", fit=("none",), strain_range_percent=(0, 50))
-    assert [group.label for group in found.groups] == ["soft", "hard"]
-    assert [group.modulus_MPa for group in found.groups] == pytest.approx([1, 2], rel=1e-4)
-    assert [each.name for each in found.groups[0].specimens] == ["long.csv: soft A", "long.csv: soft B"]
-    assert found.model is None
-    assert found.fits == ()
-    assert len(found.sources) == 1
+    result = evaluated(path, mode="tension", fit=("none",), strain_range_percent=(0, 50))
+    assert [group.label for group in result.groups] == ["soft", "hard"]
+    assert [group.modulus_MPa for group in result.groups] == pytest.approx([1, 2], rel=1e-4)
+    assert [specimen.name for specimen in result.groups[0].specimens] == ["long.csv: soft A", "long.csv: soft B"]
+    assert result.model is None
+    assert result.fits == ()
+    assert len(result.sources) == 1
 
 
-def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
+def test_the_modulus_is_compared_with_that_of_the_testing_machine(tmp_path: Path) -> None:
     path = tmp_path / "zugversuch.TRA"
     strain = np.linspace(0, 1, 201)
     rows = "\n".join(f"{t:.2f}\t{20 * e:.6g}\t{e:.6g}" for t, e in enumerate(strain))
     head = '"Probenbreite b0"\t10\t"mm"\n"Probendicke a0"\t2\t"mm"\n"Vorkraft"\t0.1\t"N"\n"E-Modul"\t120\t"N/mm²"\n'
     names = '"Prüfzeit"\t"Standardkraft"\t"Dehnung"\n"s"\t"N"\t"%"\n'
     path.write_text(head + names + rows + "\n", encoding="cp1252")
-    found = of(path, fit=("none",))
-    assert found.modulus_MPa == pytest.approx(100)
-    assert "the machine's own E-Modul is 120 MPa, which differs from this modulus by +20.0 %" in " ".join(
-        found.warnings
-    )
-    assert "the testing machine was zeroed at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.note
+    result = evaluated(path, fit=("none",))
+    assert result.modulus_MPa == pytest.approx(100)
+    assert any("120 MPa" in line and "+20.0 %" in line for line in result.warnings)
+    assert "Vorkraft 0.1 N" in result.specimens[0].toe.note
 
 
-def test_a_workbook_with_binary_digits(tmp_path: Path) -> None:
-    """Excel stores 0.0133779264214047 with more digits than anybody measured, behind zeros that are none."""
+def test_a_workbook_with_binary_fractions(tmp_path: Path) -> None:
+    """Excel stores values with all their binary digits, for example 0.0133779264214047."""
     from openpyxl import Workbook
 
     book = Workbook()
@@ -166,67 +163,56 @@ def test_a_workbook_with_binary_digits(tmp_path: Path) -> None:
     assert sheet is not None
     sheet.append(["Standardweg", "Standardkraft"])
     sheet.append(["mm", "N"])
-    for travel in np.linspace(0, 4, 300):
-        stretch = 1 - travel / 10
-        sheet.append([float(travel), float(40 * (stretch**-2 - stretch))])
+    for displacement in np.linspace(0, 4, 300):
+        stretch = 1 - displacement / 10
+        sheet.append([float(displacement), float(40 * (stretch**-2 - stretch))])
     book.save(tmp_path / "cube.xlsx")
-    found = of(tmp_path / "cube.xlsx", CUBE, fit=("neo-hookean",))
-    # means over fifty steps of a curve that bends lie beside it, by 3 Pa here
-    assert found.model is not None
-    assert found.model.initial_modulus_MPa == pytest.approx(1.2, rel=1e-4)
-    assert found.mode == "compression"
+    result = evaluated(tmp_path / "cube.xlsx", CUBE, fit=("neo-hookean",))
+    # means over the fifty intervals of a curve deviate from it due to its curvature, here by 3 Pa
+    assert result.model is not None
+    assert result.model.initial_modulus_MPa == pytest.approx(1.2, rel=1e-4)
+    assert result.mode == "compression"
 
 
-def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
+def test_no_rubber_model_is_fitted_to_a_rigid_plastic(tmp_path: Path) -> None:
     path = tmp_path / "plastic.csv"
     path.write_text(
         "strain,stress_MPa\n" + "\n".join(f"{e:.6f},{2000 * e:.6f}" for e in np.linspace(0, 0.01, 60)) + "\n"
     )
-    found = of(path, mode="tension")
-    assert found.model is None
-    assert "2000 MPa" in " ".join(found.warnings)
-    asked = of(path, mode="tension", fit=("neo-hookean",)).model
-    assert asked is not None
-    assert asked.kind == "neo-hookean"
+    result = evaluated(path, mode="tension")
+    assert result.model is None
+    assert "2000 MPa" in " ".join(result.warnings)
+    requested = evaluated(path, mode="tension", fit=("neo-hookean",)).model
+    assert requested is not None
+    assert requested.kind == "neo-hookean"
 
 
-def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(pressed(tmp_path / "cube.csv", 1.0))
+def test_printed_lines_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(compression_file(tmp_path / "cube.csv", 1.0))
     assert run_command(["resin", "stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
-    told = capsys.readouterr().out
-    assert told.startswith("modulus 1.1")
-    assert "MPa (compression, 2 to 10 % strain)" in told
-    assert "of the energy lost, " in told
-    assert "  * " in told
-    arguments = [
-        "--cube-mm",
-        "10",
-        "--strain-range-percent",
-        "5",
-        "15",
-        "--secant-percent",
-        "10",
-        "30",
-        "--fit",
-        "none",
-    ]
+    printed = capsys.readouterr().out
+    assert printed.startswith("modulus 1.1")
+    assert "MPa (compression, 2 to 10 % strain)" in printed
+    assert "energy" in printed
+    assert "  * " in printed
+    ranges = ["--strain-range-percent", "5", "15", "--secant-percent", "10", "30"]
+    arguments = ["--cube-mm", "10", *ranges, "--fit", "none"]
     assert run_command(["resin", "stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
-    assert found["strain_range"] == pytest.approx([0.05, 0.15])
-    assert [s["strain"] for s in found["specimens"][0]["secants"]] == pytest.approx([0.1, 0.3])
-    assert found["specimens"][0]["young"]["u_dimensions_MPa"] == pytest.approx(
-        found["modulus_MPa"] * 0.005 * np.sqrt(3)
-    )
+    result = json.loads(capsys.readouterr().out)
+    assert result["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
+    assert result["strain_range"] == pytest.approx([0.05, 0.15])
+    assert [secant["strain"] for secant in result["specimens"][0]["secants"]] == pytest.approx([0.1, 0.3])
+    u_dimensions = result["modulus_MPa"] * 0.005 * np.sqrt(3)
+    assert result["specimens"][0]["young"]["u_dimensions_MPa"] == pytest.approx(u_dimensions)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "line"),
     [
-        ([], "area of the specimen; is not specified; specify --strip-width-mm"),
-        (["--area-mm2", "100"], "length of the specimen; is not specified; specify --length-mm"),
+        ([], "area of the specimen; is not specified; add --strip-width-mm"),
+        (["--area-mm2", "100"], "length of the specimen; is not specified; add --length-mm"),
         (["--cube-mm", "0"], "--cube-mm = '0'; must be greater than 0"),
-        (["--cube-mm", "10", "--length-mm", "10"], "a cube's length is its side"),
+        (["--cube-mm", "10", "--length-mm", "10"], "--length-mm; cannot be combined with --cube-mm"),
         (["--cube-mm", "10", "--mode", "torsion"], "--mode"),
         (["--cube-mm", "10", "--toe", "off"], "--toe"),
         (["--cube-mm", "10", "--fit", "gent"], "gent"),
@@ -235,7 +221,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["--cube-mm", "10", "--strain-range-percent", "60", "70"], "contains 0 points of the loading"),
         (["--cube-mm", "10", "--strain-range-percent", "7", "6"], "--strain-range-percent = '7 6'"),
         (["--cube-mm", "10", "--secant-percent", "-1"], "--secant-percent"),
-        (["--cube-mm", "10", "--label", "a", "b"], "--label = 2; must be one for all files, or one for each of the 1"),
+        (["--cube-mm", "10", "--label", "a", "b"], "--label; must occur once"),
         (["--cube-mm", "10", "--compliance-mm-per-N", "-1"], "must be at least 0"),
         (["--cube-mm", "10", "--csv", "t.txt"], "a table must end in .csv"),
         (["--cube-mm", "10", "--figure", "f.gif"], "a figure must end in"),
@@ -243,19 +229,19 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["--cube-mm", "10", "--planar", "nowhere.csv"], "no such file"),
     ],
 )
-def test_bad_input_ends_with_one_line_and_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+def test_refuses_invalid_input_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
-    file = str(pressed(tmp_path / "cube.csv", 1.0))
+    file = str(compression_file(tmp_path / "cube.csv", 1.0))
     assert run_command(["resin", "stiffness", file, *arguments]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("solen: ")
-    assert shown.err.count("\n") == 1
-    assert told in shown.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("solen: ")
+    assert len(printed.err.splitlines()) == 1
+    assert line in printed.err
     assert list(tmp_path.iterdir()) == [Path(file)]
 
 
-def test_no_file_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_refuses_a_command_without_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["resin", "stiffness"]) == 2
-    assert "needs a file" in capsys.readouterr().err
+    assert "requires a file" in capsys.readouterr().err

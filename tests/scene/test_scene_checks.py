@@ -284,10 +284,10 @@ def test_dispersive_index_requires_spectrum() -> None:
 @pytest.mark.parametrize(
     ("index", "message"),
     [
-        (Cauchy(A=1.5, valid_nm=(700.0, 900.0)), "index at 620 nm; it is known only from 700 to 900 nm"),
+        (Cauchy(A=1.5, valid_nm=(700.0, 900.0)), "index at 620 nm; is known only from 700 to 900 nm"),
         (
             Tabulated(wavelength_nm=(500.0, 859.9), n=(1.6, 1.5)),
-            "index at 860 nm; it is known only from 500 to 859.9 nm",
+            "index at 860 nm; is known only from 500 to 859.9 nm",
         ),
         (Cauchy(A=0.5), "index at 620 nm = 0.5; must be finite and at least 1"),
         (Sellmeier(B=(1.0,), C_um2=(0.62**2,)), "index at 620 nm = nan; must be finite and at least 1"),

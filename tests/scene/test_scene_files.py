@@ -351,7 +351,7 @@ def test_checks_of_spectra_apply_to_files() -> None:
     assert "source spectrum; is missing in 8 of 9 sources" in refused(json.dumps(wrong))
     wrong = json.loads(scenes.dumps(COLOURFUL))
     wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
-    assert "index at 1000.5 nm; it is known only from 400 to 1000 nm" in refused(json.dumps(wrong))
+    assert "index at 1000.5 nm; is known only from 400 to 1000 nm" in refused(json.dumps(wrong))
     for source in wrong["sources"]:
         del source["spectrum"]
     assert "region resin-0 index; depends on the wavelength" in refused(json.dumps(wrong))

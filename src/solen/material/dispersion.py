@@ -3,8 +3,8 @@
 An index is a number, a table, or a formula with a few parameters. If a covariance of the parameters is specified, the
 standard uncertainty of the index follows by linear propagation, u² = J Σ Jᵀ, where J contains the exact derivatives
 with respect to the parameters. Outside the measured range, an index raises an error instead of extrapolating. An index
-also has a `mode`, which tells how it was determined, and warnings; an index computed as published, without a measured
-reflectance, must have a warning.
+also has a `mode`, which specifies how it was determined, and warnings; an index computed as published, without a
+measured reflectance, must have a warning.
 
 `Dispersion.index` and `Dispersion.u_index` evaluate an index at a wavelength in nm. The subclasses are `Constant`,
 `Tabulated`, `Cauchy` and `Sellmeier`, listed by ``kind`` in `KINDS`, and `Unknown` for a resin without an index.
@@ -29,16 +29,16 @@ from solen.units import um_from_nm
 Covariance = tuple[tuple[Number, ...], ...]
 
 MODES = ("measured", "absorptance", "lossless", "fringes", "joint", "as-published", "refractometer", "literature")
-"""How an index was determined: from R and T, from T and absorptance, from T alone, from fringes, jointly with the bare
-sheet, from T and an absorbance used as an absorptance, with a refractometer or ellipsometer, or from the literature.
+"""How an index was determined: from R and T; from T and absorptance; from T alone; from fringes; jointly with the bare
+substrate; from T and an absorbance used as an absorptance; with a refractometer or ellipsometer; from the literature.
 """
 AS_PUBLISHED = "as-published"
 
 _ROUNDING = 1e-9  # tolerated asymmetry and negative eigenvalues, relative to the variances
 
 
-def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
-    """Raise unless a covariance is square with the given size, symmetric and without a negative eigenvalue."""
+def check_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
+    """Raise unless a covariance has the given number of rows and columns, is symmetric and positive semidefinite."""
     if covariance is None:
         return
     if len(covariance) != parameters or any(len(row) != parameters for row in covariance):
@@ -51,11 +51,8 @@ def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: 
     spread[spread == 0] = 1.0
     correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude, so they are scaled
     if (gap := float(np.abs(correlation - correlation.T).max())) > _ROUNDING:
-        raise refused(
-            "covariance",
-            "must be symmetric",
-            value=f"rows and columns differ by {gap:.3g}, relative to the standard deviations",
-        )
+        limit = f"must be symmetric: rows and columns differ by {gap:.3g}, relative to the standard deviations"
+        raise refused("covariance", limit)
     if (lowest := float(np.linalg.eigvalsh(correlation).min())) < -_ROUNDING:
         raise refused("covariance", "must have no negative eigenvalue", value=lowest)
 
@@ -82,22 +79,22 @@ class Dispersion(Strict, ABC):
     warnings: tuple[Text, ...] = Field((), description="Warnings, one sentence each.")
 
     @model_validator(mode="after")
-    def _says_how_it_was_found(self) -> Self:
+    def _check_mode(self) -> Self:
         if self.mode and self.mode not in MODES:
             near = nearest(self.mode, MODES)
             limit = f"must be one of {', '.join(MODES)}"
             raise refused("mode", limit, value=self.mode, remedy=f"did you mean {near}?" if near else "")
         if self.mode == AS_PUBLISHED and not self.warnings:
-            remedy = 'add, for example, warnings = ["no reflectance went into this index"]'
+            remedy = 'add, for example, warnings = ["computed without a measured reflectance"]'
             raise refused(
                 "warnings", f'is missing: mode = "{AS_PUBLISHED}" requires at least one warning', remedy=remedy
             )
         return self
 
     @model_validator(mode="after")
-    def _range_ascends(self) -> Self:
+    def _check_range(self) -> Self:
         if self.valid_nm is not None and not self.valid_nm[0] < self.valid_nm[1]:
-            raise refused("valid_nm", "must ascend, [from, to]", value=list(self.valid_nm))
+            raise refused("valid_nm", "must be in ascending order, [from, to]", value=list(self.valid_nm))
         return self
 
     @property
@@ -128,7 +125,7 @@ class Dispersion(Strict, ABC):
         return index
 
     def u_index(self, wavelength_nm: float) -> float | None:
-        """Return the standard uncertainty of the index at a wavelength in nm, or None if none is known.
+        """Return the standard uncertainty of the index at a wavelength in nm, or None if it is unknown.
 
         Raises
         ------
@@ -139,7 +136,7 @@ class Dispersion(Strict, ABC):
         variance = self._variance(wavelength_nm)
         return None if variance is None else math.sqrt(variance)
 
-    def along(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def indices(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the index and its standard uncertainty at several wavelengths in nm; an unknown uncertainty is NaN.
 
         Raises
@@ -147,34 +144,34 @@ class Dispersion(Strict, ABC):
         DataError
             In the same cases as `index`.
         """
-        nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float)).tolist()
-        u = [self.u_index(each) for each in nm]
-        return np.array([self.index(each) for each in nm]), np.array([math.nan if each is None else each for each in u])
+        wavelengths = np.atleast_1d(np.asarray(wavelength_nm, dtype=float)).tolist()
+        u = np.array([self.u_index(nm) for nm in wavelengths], dtype=float)
+        return np.array([self.index(nm) for nm in wavelengths]), u
 
     def _refuse_outside(self, wavelength_nm: float) -> None:
         low, high = self.range_nm
         if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
             limit = (
-                f"it is known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
+                f"is known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
             )
             remedy = "choose a wavelength inside this range, or use data that include it"
             raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
     def _data_range_nm(self) -> tuple[float, float]:
-        """Range given by the data themselves; a formula has none."""
+        """Return the range of the data; that of a formula is unlimited."""
         return 0.0, math.inf
 
     @abstractmethod
     def _index(self, wavelength_nm: float) -> float:
-        """Return the index from the formula, unchecked."""
+        """Return the index without any check."""
 
     @abstractmethod
     def _variance(self, wavelength_nm: float) -> float | None:
-        """Return the variance of the index, or None if no uncertainty is known."""
+        """Return the variance of the index, or None if it is unknown."""
 
 
 class Unknown(Dispersion):
-    """No index, for a resin of which only other properties are known."""
+    """Unknown index, for a resin of which only other properties are known."""
 
     kind: Literal["unknown"] = "unknown"
 
@@ -193,10 +190,10 @@ class Unknown(Dispersion):
 
 
 class Constant(Dispersion):
-    """A single number for all wavelengths (within `valid_nm`)."""
+    """One index for all wavelengths within `valid_nm`."""
 
     kind: Literal["number"] = "number"
-    n: Positive = Field(ge=1, lt=5, description="refractive index, 1 to 5.")
+    n: Positive = Field(ge=1, lt=5, description="refractive index, at least 1 and below 5.")
     u_n: NotNegative | None = Field(None, description="Standard uncertainty of n.")
 
     def _index(self, wavelength_nm: float) -> float:  # noqa: ARG002
@@ -207,29 +204,30 @@ class Constant(Dispersion):
 
 
 class Tabulated(Dispersion):
-    """Measured indices at ascending wavelengths, linearly interpolated, so no shape is assumed."""
+    """Measured indices, interpolated linearly, without a dispersion formula."""
 
     kind: Literal["table"] = "table"
-    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")
+    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="wavelengths in nm, in ascending order.")
     n: tuple[Number, ...] = Field(min_length=2, description="index at each wavelength.")
     covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
     u_n: tuple[NotNegative, ...] | None = Field(
-        None, description="Standard uncertainty of each n, assumed fully correlated; an alternative to a covariance."
+        None, description="Standard uncertainty of each n, assumed fully correlated; alternative to a covariance."
     )
 
     @model_validator(mode="after")
-    def _table_is_sound(self) -> Self:
+    def _check_table(self) -> Self:
         if len(self.n) != len(self.wavelength_nm):
             raise refused("n", f"must have {len(self.wavelength_nm)} entries, one per wavelength", value=len(self.n))
         for low, high in pairwise(self.wavelength_nm):
             if not low < high:
-                raise refused("wavelength_nm", "must ascend", value=[low, high], remedy="sort the table")
+                limit = "must be in ascending order"
+                raise refused("wavelength_nm", limit, value=[low, high], remedy="sort the table")
         if min(self.n) < 1:
             raise refused("n", "must be at least 1", value=min(self.n))
         low, high = self._data_range_nm()
         if self.valid_nm is not None and not low <= self.valid_nm[0] < self.valid_nm[1] <= high:
             raise refused("valid_nm", f"must be within the table, {low:g} to {high:g}", value=list(self.valid_nm))
-        refuse_covariance(self.covariance, len(self.n))
+        check_covariance(self.covariance, len(self.n))
         if self.u_n is not None and self.covariance is not None:
             raise refused("u_n", "cannot be combined with covariance", remedy="keep one of the two")
         if self.u_n is not None and len(self.u_n) != len(self.n):
@@ -243,8 +241,8 @@ class Tabulated(Dispersion):
         """Return the weight of each entry in the interpolated index."""
         right = min(bisect_right(self.wavelength_nm, wavelength_nm), len(self.n) - 1)
         low, high = self.wavelength_nm[right - 1], self.wavelength_nm[right]
-        share = (wavelength_nm - low) / (high - low)
-        return (*(0.0,) * (right - 1), 1 - share, share, *(0.0,) * (len(self.n) - right - 1))
+        weight = (wavelength_nm - low) / (high - low)
+        return (*(0.0,) * (right - 1), 1 - weight, weight, *(0.0,) * (len(self.n) - right - 1))
 
     def _index(self, wavelength_nm: float) -> float:
         return sum(w * n for w, n in zip(self._weights(wavelength_nm), self.n, strict=True) if w)
@@ -257,7 +255,7 @@ class Tabulated(Dispersion):
 
 
 class Cauchy(Dispersion):
-    """Cauchy's formula n = A + B/λ² + C/λ⁴, λ in µm, for transparent materials far from absorption."""
+    """Cauchy's formula n = A + B/λ² + C/λ⁴, λ in µm, for transparent materials far from absorption bands."""
 
     kind: Literal["cauchy"] = "cauchy"
     A: Number = Field(description="constant term.")
@@ -266,8 +264,8 @@ class Cauchy(Dispersion):
     covariance: Covariance | None = Field(None, description="Covariance of (A, B_um2, C_um4).")
 
     @model_validator(mode="after")
-    def _covariance_is_sound(self) -> Self:
-        refuse_covariance(self.covariance, 3)
+    def _check_covariance(self) -> Self:
+        check_covariance(self.covariance, 3)
         return self
 
     def _index(self, wavelength_nm: float) -> float:
@@ -290,10 +288,10 @@ class Sellmeier(Dispersion):
     covariance: Covariance | None = Field(None, description="Covariance of (B..., C_um2...).")
 
     @model_validator(mode="after")
-    def _terms_are_sound(self) -> Self:
+    def _check_terms(self) -> Self:
         if len(self.B) != len(self.C_um2):
             raise refused("C_um2", f"must have {len(self.B)} entries, one per B", value=len(self.C_um2))
-        refuse_covariance(self.covariance, 2 * len(self.B))
+        check_covariance(self.covariance, 2 * len(self.B))
         return self
 
     def _index(self, wavelength_nm: float) -> float:

@@ -1,4 +1,4 @@
-"""Select the evaluations that the columns of a resin recording allow."""
+"""Selection of the evaluations for which a resin recording has the required columns."""
 
 from collections.abc import Callable
 
@@ -19,45 +19,45 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
     DataError
         If no evaluation suits it.
     """
-    found = tuple(name for name, suits in _SUITS.items() if suits(recording))
-    if not found:
+    names = tuple(name for name, suits in _SUITS.items() if suits(recording))
+    if not names:
         columns = ", ".join((*recording.names, *recording.texts)[:12])
         limit = f"suits no evaluation of a resin: its columns are {columns}"
         remedy = (
             "use columns such as wavelength_nm and T, thickness_um and dose_mJ_per_cm2, length_mm and power_uW, or "
         )
         raise DataError(recording.provenance.name, limit=limit, remedy=f"{remedy}force_N and travel_mm")
-    return found
+    return names
 
 
-def _kinds(recording: Recording) -> set[str | None]:
+def _spectrum_kinds(recording: Recording) -> set[str | None]:
     """Return the kinds of spectra: T, R, A, or None for any other kind."""
     axes = {channel.name for channel in recording.channels if channel.quantity == "wavelength"}
     return {kind_of(channel) for channel in recording.channels if channel.axis in axes and channel.name not in axes}
 
 
-def _exposures(recording: Recording) -> bool:
+def _has_exposures(recording: Recording) -> bool:
     try:
-        return "T" in _kinds(recording) and len({sample.exposure_s for sample in samples_of(recording)}) > 1
+        return "T" in _spectrum_kinds(recording) and len({sample.exposure_s for sample in samples_of(recording)}) > 1
     except DataError:
         return False
 
 
-def _discs(recording: Recording) -> bool:
+def _has_discs(recording: Recording) -> bool:
     return recording.find(*THICKNESSES) is not None and recording.find(*DOSES, *TIMES) is not None
 
 
-def _guides(recording: Recording) -> bool:
+def _has_guides(recording: Recording) -> bool:
     return recording.find(*LENGTHS) is not None and recording.find(*POWERS, *LOSSES) is not None
 
 
 _OPTICAL = {"T", "R", "A"}
 _SUITS: dict[str, Callable[[Recording], bool]] = {
-    "exposures": _exposures,
-    "index": lambda recording: bool(_kinds(recording) & {"T", "R"}),
-    "penetration": lambda recording: bool(_kinds(recording) & {"A", "T"}),
+    "exposures": _has_exposures,
+    "index": lambda recording: bool(_spectrum_kinds(recording) & {"T", "R"}),
+    "penetration": lambda recording: bool(_spectrum_kinds(recording) & {"A", "T"}),
     "stiffness": lambda recording: recording.find(*FORCE, *STRESS, *TRUE_STRESS) is not None,
-    "cure": lambda recording: not _kinds(recording) & _OPTICAL and _discs(recording),
-    "cutback": lambda recording: not _kinds(recording) & _OPTICAL and _guides(recording),
-    "spectra": lambda recording: bool(_kinds(recording)),
+    "cure": lambda recording: not _spectrum_kinds(recording) & _OPTICAL and _has_discs(recording),
+    "cutback": lambda recording: not _spectrum_kinds(recording) & _OPTICAL and _has_guides(recording),
+    "spectra": lambda recording: bool(_spectrum_kinds(recording)),
 }

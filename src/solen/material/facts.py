@@ -1,6 +1,6 @@
 """The content of a resin file as a typed result: its tables, its index at some wavelengths, and its warnings.
 
-`facts_of` returns the content of a resin, and `listed` the resins in the library.
+`facts_of` returns the content of a resin, and `listed` the resins of the library.
 """
 
 import contextlib
@@ -15,14 +15,14 @@ from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Options, Wavelength, error_context
 
 LISTED_NM = (589.3, 860.0)
-"""Wavelengths at which resins are listed: sodium yellow, used by refractometers, and the emitter of the paper."""
+"""Wavelengths at which indices are listed: the sodium D line of refractometers, and that of the paper's emitter."""
 
 
 class ShowOptions(Options):
     """Options for showing a resin."""
 
     at_nm: tuple[Wavelength, ...] = ()
-    """A wavelength in nm; repeatable."""
+    """A wavelength in nm at which to show the index; repeatable; default: 589.3 and 860 nm."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class ResinFacts(Result):
     Attributes
     ----------
     resin
-        Name in the library, or file.
+        Name in the library, or path of the file.
     at
-        Index at some wavelengths.
+        Index at the requested wavelengths.
     contents
         The resin itself.
     """
@@ -58,7 +58,7 @@ class ResinFacts(Result):
 
     @reported
     def source(self) -> str:
-        """Origin of the numbers."""
+        """Source of the numbers."""
         return self.contents.source
 
     @reported
@@ -93,17 +93,17 @@ class ResinFacts(Result):
 
     @reported
     def sources(self) -> tuple[Source, ...]:
-        """Files with the results that the tables were taken from."""
+        """Measured files from which the tables were determined."""
         return self.contents.sources
 
     @reported
     def simulated(self) -> bool:
-        """Whether any table was computed from simulated measurements."""
+        """Whether any table was determined from simulated data."""
         return any(source.simulated for source in self.sources)
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings for users of the resin."""
+        """Warnings about the tables."""
         return self.contents.warnings
 
 
@@ -119,7 +119,7 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
     Raises
     ------
     DataError
-        If the resin's index is not known at a requested wavelength.
+        If the index is not known at a requested wavelength.
     """
     with error_context(f"resin {resin.name}"):
         for nm in at_nm:
@@ -128,12 +128,12 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
 
 
 def listed() -> ResinList:
-    """Return the library's resins with their indices."""
+    """Return the resins of the library with their indices."""
     return ResinList(tuple(facts_of(library_resin(name), name) for name in library()))
 
 
 def _at(resin: Resin, wavelength_nm: float) -> IndexAt:
-    """Return the index at a wavelength; None outside the measured range."""
+    """Return the index at a wavelength, with None for an unknown index."""
     with contextlib.suppress(SolenError):
         return IndexAt(wavelength_nm, resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm))
     return IndexAt(wavelength_nm, None, None)

@@ -1,13 +1,12 @@
-"""Resins: files that describe a material's index and loss, a small library of them, and the numbers for a design.
+"""Resins: files that describe a material, a small library of them, and the optical constants of a design's material.
 
-A resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for each
-known property: an ``[index]`` of one of the kinds in `solen.material.dispersion`, a ``[loss]``, a ``[cure]``, a
-``[stiffness]``, a ``[[formulation]]`` by weight and the measured files as ``[[sources]]``. A design names a resin from
-the library or a file; the index is evaluated at the wavelength of the design's emitter, and an index that was not
-measured is reported with a warning.
+A resin file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for each known property: an ``[index]``
+of one of the kinds in `solen.material.dispersion`, a ``[loss]``, a ``[cure]``, a ``[stiffness]``, a ``[[formulation]]``
+by weight, and the measured files as ``[[sources]]``. A design names a resin of the library or a file; the index is
+evaluated at the wavelength of the design's emitter.
 
-`load_resin`, `library` and `library_resin` read resins; `dumps_resin` writes a file; and `optical` returns the numbers
-for a design's material.
+`load_resin`, `library` and `library_resin` read resins; `dumps_resin` writes a file; and `optical` returns the optical
+constants of a design's material.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +18,8 @@ import tomli_w
 from pydantic import Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
+from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, check_covariance
+from solen.material.mix import MAX_TOTAL_ERROR_PERCENT, TOTAL_PERCENT
 from solen.parts import light_of
 from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.results import HIDDEN, reported
@@ -40,22 +40,20 @@ from solen.spec.strict import (
 
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
-FAR_FROM_LOSS_NM = 20.0
-"""Largest difference between a wavelength and that of the loss measurement that causes no warning."""
+MAX_LOSS_DISTANCE_NM = 20.0
+"""Largest difference between the emitter's wavelength and that of the loss measurement that causes no warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")
 """Tables from measurements, which may have warnings."""
-WHOLE, OFF_WHOLE = 100.0, 0.1
-"""Sum of the parts of a formulation, and its largest deviation due to rounded percentages."""
 
 Interval = tuple[Number, Number]
 
 
-class LossOf(Strict):
+class OrientationLoss(Strict):
     """Loss of guides that were built in one orientation."""
 
     error: ClassVar[type[SolenError]] = DataError
 
-    orientation: Text = Field(description="the build orientation.")
+    orientation: Text = Field(description="build orientation.")
     absorption_per_mm: NotNegative = Field(description="power absorption coefficient per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(
         None, description="Standard uncertainty of the absorption coefficient."
@@ -76,7 +74,7 @@ class Loss(Strict):
     interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
     wavelength_nm: Positive | None = Field(None, description="Wavelength of the measurement, in nm.")
     orientation: str = Field("", description="Build orientation of the guides; empty for all.")
-    by_orientation: tuple[LossOf, ...] = Field((), description="Loss of each orientation separately.")
+    by_orientation: tuple[OrientationLoss, ...] = Field((), description="Loss of each orientation separately.")
     warnings: tuple[Text, ...] = Field((), description="Warnings about the loss, one sentence each.")
 
 
@@ -96,26 +94,26 @@ class Cure(Strict):
     warnings: tuple[Text, ...] = Field((), description="Warnings about the working curve, one sentence each.")
 
     @model_validator(mode="after")
-    def _covariance_is_sound(self) -> Self:
-        refuse_covariance(self.covariance, 2)
+    def _check_covariance(self) -> Self:
+        check_covariance(self.covariance, 2)
         return self
 
 
 class Stiffness(Strict):
-    """Young's modulus over a specified strain range, and the hyperelastic model fitted to the complete curve."""
+    """Young's modulus over a specified strain range, and the hyperelastic model fitted to the whole curve."""
 
     table: ClassVar[str] = "stiffness"
     error: ClassVar[type[SolenError]] = DataError
 
     modulus_MPa: Positive = Field(description="modulus in MPa.")
-    u_modulus_MPa: NotNegative | None = Field(None, description="Standard uncertainty of the absorption coefficient.")
+    u_modulus_MPa: NotNegative | None = Field(None, description="Standard uncertainty of the modulus.")
     interval95_MPa: Interval | None = Field(None, description="95 % interval of the modulus.")
     strain_range: Interval | None = Field(
         None, description="Lowest and highest strain over which the modulus was fitted."
     )
     test: str = Field("", description="Mode of loading: compression, tension.")
-    model: str = Field("", description="Hyperelastic model of the entire curve.")
-    parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
+    model: str = Field("", description="Hyperelastic model of the whole curve.")
+    parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, keyed by name.")
     u_parameters: dict[str, NotNegative] = Field(
         default_factory=dict, description="Standard uncertainties of the parameters."
     )
@@ -123,7 +121,7 @@ class Stiffness(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _without_time(cls, data: Any) -> Any:
+    def _refuse_relaxation(cls, data: Any) -> Any:
         if isinstance(data, dict) and "prony" in data:
             limit = "relaxation of the modulus is not modelled: a soft body follows every load immediately"
             raise refused("prony", limit, remedy="omit it")
@@ -135,8 +133,8 @@ class Part(Strict):
 
     error: ClassVar[type[SolenError]] = DataError
 
-    component: Text = Field(description="the component's name.")
-    wt_percent: Positive = Field(description="fraction of the entire mixture, in percent by weight.")
+    component: Text = Field(description="name of the component.")
+    wt_percent: Positive = Field(description="mass fraction in the whole mixture, in per cent.")
 
 
 class Source(Strict):
@@ -150,18 +148,18 @@ class Source(Strict):
     format: str = Field("", description="Format in which the file was read.")
     instrument: str = Field("", description="Instrument named in the file.")
     date: str = Field("", description="Date given in the file.")
-    simulated: bool = Field(False, description="Whether the numbers were computed rather than measured.")
+    simulated: bool = Field(False, description="Whether the data were simulated, not measured.")
 
 
 class Resin(Strict):
-    """A material: index against wavelength, loss, working curve, stiffness, and the origin of these numbers."""
+    """A material: index against wavelength, loss, working curve, stiffness, and the sources of these numbers."""
 
     error: ClassVar[type[SolenError]] = DataError
 
     name: Text = Field(description="name of the resin, one line.")
     source: str = Field("", description="Source of the numbers.")
-    notes: str = Field("", description="Further remarks.")
-    index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
+    notes: str = Field("", description="Further notes.")
+    index: Dispersion = Field(default_factory=Unknown, description="Index against wavelength; a table with a kind.")
     loss: Loss = Field(default_factory=Loss, description="Loss of light in the resin.")
     cure: Cure | None = Field(None, description="Working curve.")
     stiffness: Stiffness | None = Field(None, description="Stiffness of the cured resin.")
@@ -170,25 +168,26 @@ class Resin(Strict):
 
     @field_validator("index", mode="before")
     @classmethod
-    def _of_its_kind(cls, value: Any) -> Any:
+    def _dispersion(cls, value: Any) -> Any:
+        """Return the dispersion of the kind that the table names."""
         if not isinstance(value, dict):
             return value
-        kinds = f"must be one of {', '.join(KINDS)}"
+        limit = f"must be one of {', '.join(KINDS)}"
         if "kind" not in value:
-            raise refused("kind", f"missing: {kinds}", remedy='add, for example, kind = "cauchy"')
+            raise refused("kind", f"missing: {limit}", remedy='add, for example, kind = "cauchy"')
         kind = KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
         if kind is None:
             near = nearest(str(value["kind"]), KINDS)
-            raise refused("kind", kinds, value=value["kind"], remedy=f"did you mean {near}?" if near else "")
+            raise refused("kind", limit, value=value["kind"], remedy=f"did you mean {near}?" if near else "")
         return kind(**value)
 
     @model_validator(mode="after")
-    def _says_something(self) -> Self:
-        tables = ("index", "loss", "cure", "stiffness", "formulation")
+    def _check_tables(self) -> Self:
+        tables = (*MEASURED, "formulation")
         if not self.model_fields_set & {*tables}:
-            raise refused("", f"must have at least one of {', '.join(tables)}", remedy="add e.g. [index]")
+            raise refused("", f"must have at least one of {', '.join(tables)}", remedy="add, for example, [index]")
         if self.formulation:
-            _refuse_parts(self.formulation)
+            _check_formulation(self.formulation)
         return self
 
     def has(self, table: str) -> bool:
@@ -204,20 +203,21 @@ class Resin(Strict):
         """Return warnings about the given tables: simulated data, and the warnings stored with each table."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in tables]
         warnings = [prefixed(name, warning("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
-        stated = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
-        return (*warnings, *(prefixed(name, Caution(text)) for name, texts in stated.items() for text in texts))
+        stored = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
+        return (*warnings, *(prefixed(name, Caution(text)) for name, texts in stored.items() for text in texts))
 
 
-def _refuse_parts(parts: tuple[Part, ...]) -> None:
-    """Raise unless the parts of a formulation have different names and add up to 100 %."""
+def _check_formulation(parts: tuple[Part, ...]) -> None:
+    """Raise unless the components of a formulation have different names and fractions that add up to 100 %."""
     names = [part.component for part in parts]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise refused("formulation", "each component may occur once", value=twice, remedy="add up its fractions")
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise refused("formulation", "each component may occur once", value=repeated, remedy="add up its fractions")
     total = sum(part.wt_percent for part in parts)
-    if abs(total - WHOLE) > OFF_WHOLE:
-        limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g} %"
-        raise refused("formulation", limit, value=f"{total:g} %", remedy="see solen resin mix")
+    if abs(total - TOTAL_PERCENT) > MAX_TOTAL_ERROR_PERCENT:
+        limit = f"must add up to {TOTAL_PERCENT:g} % by weight, to within {MAX_TOTAL_ERROR_PERCENT:g} %"
+        remedy = "correct the fractions, which solen resin mix computes"
+        raise refused("formulation", limit, value=f"{total:g} %", remedy=remedy)
 
 
 @dataclass(frozen=True)
@@ -231,9 +231,9 @@ class Optical:
     absorption_per_mm
         Absorption coefficient per mm, base e.
     source
-        Origin of the numbers, in words.
+        Source of the numbers, in words.
     dispersion
-        Index against wavelength, for light with a spectrum; None if only a single number is known.
+        Index against wavelength, for light with a spectrum; None if only one value is known.
     u_absorption_per_mm
         Standard uncertainty of the absorption coefficient; None if unknown.
     warnings
@@ -273,7 +273,7 @@ def dumps_resin(resin: Resin, comment: str = "") -> str:
         if key not in resin.model_fields_set or value is None:
             continue
         if isinstance(value, tuple):
-            tables[key] = [one.model_dump(exclude_defaults=True) for one in value]
+            tables[key] = [entry.model_dump(exclude_defaults=True) for entry in value]
         elif isinstance(value, Dispersion):
             tables[key] = {"kind": value.kind} | value.model_dump(exclude_defaults=True)
         else:
@@ -291,19 +291,19 @@ def library() -> tuple[str, ...]:
 
 
 def library_resin(name: str) -> Resin:
-    """Return a resin from the library; `DataError` with the nearest name if there is none with this name."""
+    """Return a resin of the library; raise `DataError` with the nearest name if the name is unknown."""
     return _library().shipped(name)
 
 
 def optical(design: Design) -> Optical:
-    """Return index, uncertainty and absorption of a design's material at the wavelength of the design's emitter.
+    """Return the optical constants of a design's material at the wavelength of the design's emitter.
 
-    An absorption coefficient in the design overrides the resin's.
+    An absorption coefficient in the design overrides that of the resin.
 
     Raises
     ------
     DataError
-        If the resin cannot be found or read, or has no index at that wavelength.
+        If the resin cannot be found or read, or its index is not known at that wavelength.
     """
     material = design.material
     if material.resin is None:
@@ -313,46 +313,46 @@ def optical(design: Design) -> Optical:
     wavelength_nm = light_of(design).wavelength_nm
     with error_context(f"resin {resin.name}"):
         index, u_index = resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm)
-    stated = material.sets_absorption
+    overridden = material.sets_absorption
     return Optical(
         index,
         u_index,
-        material.absorption_per_mm if stated else resin.loss.absorption_per_mm,
+        material.absorption_per_mm if overridden else resin.loss.absorption_per_mm,
         ": ".join(filter(None, (resin.name, resin.source))),
         resin.index,
-        None if stated else resin.loss.u_absorption_per_mm,
+        None if overridden else resin.loss.u_absorption_per_mm,
         (
             *resin.cautions("index", "loss"),
-            *(_overruled(material, resin) if stated else distant_wavelength(resin.loss, wavelength_nm)),
+            *(_hidden_loss(material, resin) if overridden else distant_wavelength(resin.loss, wavelength_nm)),
         ),
     )
 
 
-def _overruled(material: Material, resin: Resin) -> list[Caution]:
-    """Return a warning if a design's absorption of 0, perhaps left from an example, hides the loss of its resin."""
+def _hidden_loss(material: Material, resin: Resin) -> list[Caution]:
+    """Return a warning if a design's absorption of 0, perhaps left over from an example, hides the resin's loss."""
     if material.absorption_per_mm > 0.0 or not resin.loss.absorption_per_mm > 0.0:
         return []
     return [
         do_not_use(
             f"material.absorption_per_mm = 0 overrides the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} "
-            "per mm: the sensor is traced without loss; remove that line to use the resin's loss"
+            "per mm, so the sensor is traced without loss; remove that line to use the resin's loss"
         )
     ]
 
 
 def resin_of(name: str, path: Path | None) -> Resin:
-    """Return a resin from a file, or from the library by name."""
+    """Return the resin in a file or, without a path, the resin of the library with this name."""
     return library_resin(name) if path is None else load_resin(path)
 
 
 def distant_wavelength(loss: Loss, wavelength_nm: float) -> list[Caution]:
-    """Return a warning if a loss was measured more than `FAR_FROM_LOSS_NM` from a wavelength."""
-    if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= FAR_FROM_LOSS_NM:
+    """Return a warning if the loss was measured more than `MAX_LOSS_DISTANCE_NM` from a wavelength."""
+    if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= MAX_LOSS_DISTANCE_NM:
         return []
-    apart_nm = abs(loss.wavelength_nm - wavelength_nm)
+    distance_nm = abs(loss.wavelength_nm - wavelength_nm)
     return [
         warning(
-            f"the loss was measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's "
+            f"the loss was measured at {loss.wavelength_nm:g} nm, {distance_nm:g} nm from the emitter's "
             f"{wavelength_nm:g} nm; absorption changes with wavelength"
         )
     ]

@@ -1,6 +1,6 @@
 """A resin from the result files of other commands (`solen.material.result_files`).
 
-`gather` builds a `Resin` from files and `BuildOptions`; `lamp_fit` returns the law with the spectrum of a lamp.
+`build_resin` makes a `Resin` from result files and `BuildOptions`; `spectral_fit` fits the spectral cure law to discs.
 """
 
 from collections.abc import Mapping
@@ -12,20 +12,20 @@ from solen.files import read_text
 from solen.material.cross_checks import index_disagreement, loss_disagreement, penetration_disagreement
 from solen.material.cure.curve import WorkingCurve
 from solen.material.cure.discs import MeasuredCurve
-from solen.material.cure.spectral import InLamp, in_lamp
+from solen.material.cure.spectral import SpectralFit, fit_spectral_law
 from solen.material.mix import named_number
 from solen.material.resin import Part, Resin, Source
 from solen.material.result_files import READERS, IndexResult, PenetrationResult, Reader, Selection, result_of
 from solen.ranks import Caution
 from solen.spec.strict import error_context
 
-_NEEDS = {
+_REQUIRED_RESULTS = {
     "orientation": "cutback",
     "loss_wavelength_nm": "cutback",
     "cure_wavelength_nm": "cure",
     "label": "stiffness",
 }
-_ONE_LAMP_NM = 15.0  # largest difference between an LED's nominal and its mean wavelength
+_MAX_LAMP_DIFFERENCE_NM = 15.0  # largest difference between an LED's nominal and its mean wavelength
 
 
 class BuildOptions(Selection):
@@ -34,34 +34,35 @@ class BuildOptions(Selection):
     name: str
     """Name of the resin."""
     formulation: str = ""
-    """Components with their fractions of the mixture by weight, "RA-139:75,lauryl acrylate:25"."""
+    """Components with their mass fractions in per cent, "RA-139:75,lauryl acrylate:25"."""
     source: str = ""
-    """Origin of the numbers, in words."""
+    """Source of the numbers, in words."""
     note: str = ""
     """Further notes on the resin."""
 
 
-def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
+def build_resin(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     """Build a resin from the results of commands.
 
     Parameters
     ----------
     results
-        Files by the option that names them, one of `READERS`.
+        Result files, keyed by the option that names them, one of `READERS`.
     options
-        Name of the resin, and the choice of results.
+        Name of the resin, and selection of the results.
 
     Raises
     ------
     DataError, SpecError
-        If a result cannot be read, has another kind or is invalid, or there is nothing to write.
+        If a result cannot be read, is of another kind or invalid, or if there is nothing to write.
     """
-    for name, option in _NEEDS.items():
+    for name, option in _REQUIRED_RESULTS.items():
         if (value := getattr(options, name)) and option not in results:
-            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add it")
+            limit = f"requires --{option}"
+            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=limit, remedy="add it")
     if not (results or options.formulation):
         remedy = f"add {', '.join(f'--{option}' for option in READERS if option != 'penetration')} or --formulation"
-        raise SpecError("solen resin build", limit="contains nothing to write", remedy=remedy)
+        raise SpecError("solen resin build", limit="has no data to write", remedy=remedy)
     if "penetration" in results and "cure" not in results:
         raise SpecError("--penetration", limit="requires a working curve for comparison", remedy="add --cure")
     tables: dict[str, Any] = {"name": options.name}
@@ -75,9 +76,9 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
             table = result.as_table(options)
         if table is not None:
             tables.setdefault(result.of, table)
-        sources += result.found_from(options)
-    for key, notes in _differences(readers, tables).items():
-        tables[key] = tables[key].model_copy(update={"warnings": (*notes, *tables[key].warnings)})
+        sources += result.measured_files(options)
+    for key, warnings in _disagreements(readers, tables).items():
+        tables[key] = tables[key].model_copy(update={"warnings": (*warnings, *tables[key].warnings)})
     if options.formulation:
         parts = [named_number(part, "--formulation") for part in options.formulation.split(",")]
         with error_context("--formulation"):
@@ -87,13 +88,13 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     return Resin(**tables)
 
 
-def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
-    """Fit the law with a lamp's spectrum, from the result of `solen resin penetration`, to a curve's discs.
+def spectral_fit(path: Path, curve: WorkingCurve) -> SpectralFit:
+    """Fit the spectral cure law, with the lamp of a result of `solen resin penetration`, to the discs of a curve.
 
     Raises
     ------
     DataError
-        If the file is not such a result, or names no lamp.
+        If the file is not such a result or contains no lamp.
     """
     text = read_text(path, DataError)
     with error_context(str(path)):
@@ -101,24 +102,25 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
     if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
         remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"
         raise DataError(
-            str(path), limit="specifies no lamp, but the law for a lamp's spectrum requires one", remedy=remedy
+            str(path), limit="contains no lamp, but the cure law for a lamp's spectrum requires one", remedy=remedy
         )
-    stated_nm = curve.wavelength_nm if isinstance(curve, MeasuredCurve) else None
-    if stated_nm is not None and liquid.lamp_nm is not None and abs(stated_nm - liquid.lamp_nm) > _ONE_LAMP_NM:
+    discs_nm = curve.wavelength_nm if isinstance(curve, MeasuredCurve) else None
+    if discs_nm is not None and liquid.lamp_nm is not None and abs(discs_nm - liquid.lamp_nm) > _MAX_LAMP_DIFFERENCE_NM:
         limit = f"the lamp of {path.name} has a mean wavelength of {liquid.lamp_nm:.4g} nm"
-        raise DataError("wavelength of the discs' lamp", value=f"{stated_nm:g} nm", limit=limit, remedy="change one")
-    return in_lamp(curve, liquid.lamp_lines, liquid.Dp_um, liquid.lamp or path.name)
+        remedy = "correct one of the two"
+        raise DataError("wavelength of the discs' lamp", value=f"{discs_nm:g} nm", limit=limit, remedy=remedy)
+    return fit_spectral_law(curve, liquid.lamp_lines, liquid.Dp_um, liquid.lamp or path.name)
 
 
-def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
-    """Return warnings, by table of the resin, about results that differ from each other."""
-    notes: dict[str, list[Caution]] = {}
+def _disagreements(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
+    """Return warnings about results that disagree, keyed by the table of the resin."""
+    warnings: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:
-        notes["loss"] = loss_disagreement(layer.extinction, tables["loss"])
+        warnings["loss"] = loss_disagreement(layer.extinction, tables["loss"])
     if isinstance(layer, IndexResult) and isinstance(other, IndexResult):
-        notes["index"] = index_disagreement(tables["index"], other.as_table(), layer.wavelength_nm)
-    depth = (liquid.between_Dp_um or liquid.Dp_um) if isinstance(liquid, PenetrationResult) else None
-    if isinstance(liquid, PenetrationResult) and depth is not None:
-        notes["cure"] = penetration_disagreement(tables["cure"], depth, liquid.u_Dp_um)
-    return notes
+        warnings["index"] = index_disagreement(tables["index"], other.as_table(), layer.wavelength_nm)
+    Dp_um = (liquid.between_Dp_um or liquid.Dp_um) if isinstance(liquid, PenetrationResult) else None
+    if isinstance(liquid, PenetrationResult) and Dp_um is not None:
+        warnings["cure"] = penetration_disagreement(tables["cure"], Dp_um, liquid.u_Dp_um)
+    return warnings

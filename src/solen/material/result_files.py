@@ -1,11 +1,11 @@
-"""Result files of `solen resin`, and the values from them that a resin stores.
+"""Result files of `solen resin`, and the tables of a resin file that are made from them.
 
-A result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with complete data, including arrays. A
-resin stores only the values that a design uses, with their uncertainty, mode and warnings. A result is read strictly:
-values that a resin needs must be present and valid; all others are ignored.
+The result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with all data, including arrays. A
+resin file contains only the values that a design uses, with their uncertainties, mode and warnings. The values of a
+result that a resin needs must be present and valid; all others are ignored.
 
-`result_of` reads a result with one of the `READERS`; its `as_table` returns the table for the resin, and `found_from`
-the measured files.
+`result_of` reads a result with one of the `READERS`; `as_table` returns the table for the resin file, and
+`measured_files` the sources.
 """
 
 import math
@@ -16,20 +16,20 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from solen.errors import DataError, SolenError
 from solen.material.cross_checks import Row
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
-from solen.material.index_table import gaps, thinned, without_u
-from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
+from solen.material.index_table import gaps, missing_u, thinned
+from solen.material.resin import Cure, Interval, Loss, OrientationLoss, Source, Stiffness
 from solen.material.warning_prefixes import BY_ORIENTATION, NOT_STORED
 from solen.ranks import Caution, unranked, warning
 from solen.spec.objects import parse_json
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
 
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
-SAME_LOSS = 1e-6
+LOSS_TOLERANCE = 1e-6
 """Tolerance between a loss in dB/cm and the absorption coefficient stored with it, relative and per mm."""
 
 
 class Selection(Options):
-    """Parts of the results to use."""
+    """Selection of the results to use, and wavelengths that they do not contain."""
 
     orientation: str = ""
     """Use the loss of guides that were built in this orientation."""
@@ -41,11 +41,11 @@ class Selection(Options):
     """Use the stiffness of the material with this label."""
 
 
-_EVERYTHING = Selection()
+_NO_SELECTION = Selection()
 
 
 class _Result(Strict):
-    """Result of a command; values that a resin does not store are ignored."""
+    """Result of a command; values that a resin file does not contain are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -56,24 +56,25 @@ class _Result(Strict):
 
     @field_validator("warnings", mode="before")
     @classmethod
-    def _one_line_each(cls, value: Any) -> Any:
-        texts = isinstance(value, list) and all(isinstance(one, str) for one in value)
-        return [" ".join(one.split()) for one in value] if texts else value
+    def _single_lines(cls, value: Any) -> Any:
+        """Join the lines of each warning."""
+        strings = isinstance(value, list) and all(isinstance(text, str) for text in value)
+        return [" ".join(text.split()) for text in value] if strings else value
 
     @property
-    def remarks(self) -> tuple[str, ...]:
-        """Warnings about the values that a resin stores."""
+    def stored_warnings(self) -> tuple[str, ...]:
+        """Warnings about the values that a resin file contains."""
         return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_STORED))
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Any:
+    def as_table(self, selection: Selection = _NO_SELECTION) -> Any:
         """Return the table for the resin."""
         raise NotImplementedError  # implemented for each kind of file
 
-    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002  a file of one index has no choice
+    def measured_files(self, selection: Selection = _NO_SELECTION) -> tuple[Source, ...]:  # noqa: ARG002  only the stiffness of several materials needs a selection
         """Return the measured files."""
-        kept = Source.model_fields.keys() - {"of"}
+        keys = Source.model_fields.keys() - {"of"}
         return tuple(
-            Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
+            Source(of=self.of, **{key: value for key, value in source.items() if key in keys and value is not None})
             for source in self.sources
         )
 
@@ -101,20 +102,20 @@ class IndexResult(_Result):
                 raise refused(key, limit, value=len(getattr(self, key)))
         return self
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002  a file of one index has no choice
-        """Return the index for the resin: the fitted formula or, failing that, a table of measurements."""
+    def as_table(self, selection: Selection = _NO_SELECTION) -> Dispersion:  # noqa: ARG002  a file with one index needs no selection
+        """Return the index for the resin: the fitted formula or, without one, a table of the measured indices."""
         if self.fit is None:
             return self._tabulated()
         formula = self.fit.get("model", self.fit)
         if not isinstance(formula, dict) or self.fit.get("kind") not in {"cauchy", "sellmeier"}:
             raise DataError("fit", value=self.fit.get("kind"), limit="must be a cauchy or a sellmeier formula")
         kind = KINDS[self.fit["kind"]]
-        kept = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
-        return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.remarks})
+        values = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
+        return kind(**values | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.stored_warnings})
 
     @property
     def extinction(self) -> list[Row]:
-        """Return k with its uncertainty and upper bound along the wavelengths; empty for a refractometer."""
+        """Extinction coefficient, its uncertainty and upper bound at each wavelength; empty for a refractometer."""
         upper = [high for _, high in self.interval95_k]
         return list(zip(self.wavelength_nm, self.k, self.u_k, upper, strict=False))
 
@@ -122,22 +123,26 @@ class IndexResult(_Result):
         rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
         known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
         if len({nm for nm, _, _ in known}) < 2:
-            limit = "an index at 2 or more wavelengths is required"
-            raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
+            limit = f"is known at {len(known)} wavelengths, but a resin needs at least 2"
+            raise DataError("n", limit=limit, remedy="see reason in the file")
         wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
-        unsure = [nm for nm, _, u in known if u is None]
+        without_u = [nm for nm, _, u in known if u is None]
         return Tabulated(
             wavelength_nm=wavelengths,
             n=indices,
             u_n=u_n if len(u_n) == len(indices) else None,
             mode=self.mode,
-            warnings=(*self.remarks, *gaps([nm for nm, _, _ in known]), *without_u(unsure, len(known))),
+            warnings=(
+                *self.stored_warnings,
+                *gaps([nm for nm, _, _ in known]),
+                *missing_u(without_u, len(known)),
+            ),
         )
 
 
 class _Line(_Result):
-    """Loss of guides from `solen resin cutback`; it has no absorption coefficient if the loss is negative."""
+    """Loss of guides from `solen resin cutback`; without an absorption coefficient if the loss is negative."""
 
     of: ClassVar[str] = "loss"
 
@@ -148,11 +153,11 @@ class _Line(_Result):
     u_absorption_per_mm: NotNegative | None = None
 
     @model_validator(mode="after")
-    def _is_one_loss(self) -> Self:
+    def _check_absorption(self) -> Self:
         if self.absorption_per_mm is None:
             return self
         per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
-        if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=SAME_LOSS, abs_tol=SAME_LOSS):
+        if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=LOSS_TOLERANCE, abs_tol=LOSS_TOLERANCE):
             limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
             raise refused(
                 "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen resin cutback again"
@@ -160,25 +165,27 @@ class _Line(_Result):
         return self
 
     def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
-        """Return the absorption coefficient for the resin with its uncertainty, interval and warnings.
+        """Return the absorption coefficient for the resin with its uncertainty and interval, and warnings about it.
 
-        A negative loss is impossible: if its interval includes 0, 0 is used with a warning.
+        A negative loss is impossible: if its interval includes 0, the result is 0 with a warning.
         """
         ends = self.interval95_loss_dB_per_cm
         interval = None if ends is None else tuple(end * PER_MM_OF_DB_PER_CM for end in ends)
-        found = {
+        numbers = {
             "absorption_per_mm": self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM,
             "u_absorption_per_mm": self.u_absorption_per_mm,
             "interval95_per_mm": interval,
         }
         if self.loss_dB_per_cm >= 0.0:
-            return found, []
+            return numbers, []
         if interval is None or interval[1] < 0.0:
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
-        measured = f"the measured value is {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
-        possible = f"{measured}: 0 is used, but {interval[1]:.2g} per mm is possible"
-        return found | {"absorption_per_mm": 0.0}, [warning(possible)]
+        text = (
+            f"the measured loss is negative, {self.loss_dB_per_cm:.2g} dB/cm: 0 is used, but up to {interval[1]:.2g} "
+            "per mm is possible"
+        )
+        return numbers | {"absorption_per_mm": 0.0}, [warning(text)]
 
 
 class CutbackResult(_Line):
@@ -189,23 +196,29 @@ class CutbackResult(_Line):
     wavelength_nm: Positive | None = None
     by_orientation: tuple[_Line, ...] = ()
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Loss:
-        """Return the loss for the resin, for all guides or one orientation, with the wavelength if it is specified."""
+    def as_table(self, selection: Selection = _NO_SELECTION) -> Loss:
+        """Return the loss for the resin, of all guides or of the selected orientation."""
         orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
-            limit = f"not in the result, which contains {', '.join(lines) or 'none'}"
+            limit = (
+                f"is not in the result, whose orientations are {', '.join(lines)}" if lines else "is not in the result"
+            )
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
-        kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(BY_ORIENTATION)))
+        stored = [
+            text for text in self.stored_warnings if not (orientation and unranked(text).startswith(BY_ORIENTATION))
+        ]
         if wavelength_nm is None:
             warnings.append(warning("the wavelength of the measurement is not specified"))
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,
             orientation=orientation,
-            by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
-            warnings=(*kept, *warnings),
+            by_orientation=tuple(
+                OrientationLoss(orientation=name, **line.numbers()[0]) for name, line in lines.items()
+            ),
+            warnings=(*stored, *warnings),
         )
 
 
@@ -217,11 +230,11 @@ class CureResult(_Result, Cure):
     kinds: ClassVar[tuple[str, ...]] = ("cure",)
     of: ClassVar[str] = "cure"
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
-        """Return the working curve for the resin, with the exposure wavelength if it is specified."""
-        stated = {name: getattr(self, name) for name in Cure.model_fields}
+    def as_table(self, selection: Selection = _NO_SELECTION) -> Cure:
+        """Return the working curve for the resin."""
+        values = {name: getattr(self, name) for name in Cure.model_fields}
         wavelength_nm = selection.cure_wavelength_nm or self.wavelength_nm
-        return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
+        return Cure(**values | {"wavelength_nm": wavelength_nm, "warnings": self.stored_warnings})
 
 
 class PenetrationResult(_Result):
@@ -237,8 +250,8 @@ class PenetrationResult(_Result):
     lamp_nm: Positive | None = None
     lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> None:
-        """Return nothing: a resin stores only the working curve's values."""
+    def as_table(self, selection: Selection = _NO_SELECTION) -> None:
+        """Return nothing: a resin file contains only the Dp of the working curve."""
 
 
 class _Model(_Result):
@@ -250,13 +263,13 @@ class _Model(_Result):
 
 
 class _Specimen(_Result):
-    """File with a specimen; its other values are ignored."""
+    """File with the measurement of a specimen."""
 
     file: str = ""
 
 
 class _Modulus(_Result):
-    """Stiffness of a single material."""
+    """Stiffness of one material."""
 
     of: ClassVar[str] = "stiffness"
 
@@ -276,34 +289,38 @@ class StiffnessResult(_Modulus):
     kinds: ClassVar[tuple[str, ...]] = ("stiffness",)
     groups: tuple[_Modulus, ...] = ()
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Stiffness:
-        """Return the stiffness for the resin: that of the only material, or of the material with the label."""
-        one = self._labelled(selection.label)
+    def as_table(self, selection: Selection = _NO_SELECTION) -> Stiffness:
+        """Return the stiffness for the resin: of the only material, or of the material with the selected label."""
+        material = self._material(selection.label)
+        model = material.model
         return Stiffness(
-            modulus_MPa=one.modulus_MPa,
-            u_modulus_MPa=one.u_modulus_MPa,
-            interval95_MPa=one.interval95_modulus_MPa,
-            strain_range=one.strain_range,
-            test=one.mode,
-            model=one.model.kind if one.model else "",
-            parameters=one.model.parameters if one.model else {},
-            u_parameters=(one.model.u_parameters or {}) if one.model else {},
-            warnings=one.remarks,
+            modulus_MPa=material.modulus_MPa,
+            u_modulus_MPa=material.u_modulus_MPa,
+            interval95_MPa=material.interval95_modulus_MPa,
+            strain_range=material.strain_range,
+            test=material.mode,
+            model=model.kind if model else "",
+            parameters=model.parameters if model else {},
+            u_parameters=(model.u_parameters or {}) if model else {},
+            warnings=material.stored_warnings,
         )
 
-    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
-        """Return the measured files; for several materials, the files of the labelled one."""
-        files = {specimen.file for specimen in self._labelled(selection.label).specimens}
-        return tuple(source for source in super().found_from() if not files or source.file in files)
+    def measured_files(self, selection: Selection = _NO_SELECTION) -> tuple[Source, ...]:
+        """Return the measured files; if there are several materials, those of the selected one."""
+        files = {specimen.file for specimen in self._material(selection.label).specimens}
+        return tuple(source for source in super().measured_files() if not files or source.file in files)
 
-    def _labelled(self, label: str) -> _Modulus:
-        groups = {group.label or "": group for group in self.groups or (self,)}
-        if not label and len(groups) == 1:
-            return next(iter(groups.values()))
-        if label not in groups:
-            limit = f"the result contains {', '.join(name or 'one without a label' for name in groups)}"
-            raise DataError("--label", value=label or None, limit=limit, remedy="name the material of the resin")
-        return groups[label]
+    def _material(self, label: str) -> _Modulus:
+        materials = {group.label or "": group for group in self.groups or (self,)}
+        if not label and len(materials) == 1:
+            return next(iter(materials.values()))
+        if label not in materials:
+            names = ", ".join(name or "(without a label)" for name in materials)
+            if not label:
+                limit, remedy = f"is required: the materials of the result are {names}", "specify one of them"
+                raise DataError("--label", limit=limit, remedy=remedy)
+            raise DataError("--label", value=label, limit=f"is not in the result, whose materials are {names}")
+        return materials[label]
 
 
 Reader = IndexResult | CutbackResult | CureResult | StiffnessResult | PenetrationResult
@@ -315,18 +332,18 @@ READERS: dict[str, type[Reader]] = {
     "refractometer": IndexResult,
     "penetration": PenetrationResult,
 }
-"""Readers, by the `solen resin build` option that names the result file."""
+"""Readers, keyed by the `solen resin build` option that names the result file."""
 
 
 def result_of(text: str, option: str) -> Reader:
-    """Return a command's result from the text of its file, of the kind that an option requires."""
+    """Return a command's result from the text of its file; it must be of the kind that the option requires."""
     data = parse_json(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"
-        raise DataError("kind", limit="is missing: not a result of solen", remedy=remedy)
+        raise DataError("kind", limit="is missing: the file is not a result of solen", remedy=remedy)
     kind, reader = data.pop("kind"), READERS[option]
     if kind not in reader.kinds:
-        right = next((other for other, reads in READERS.items() if kind in reads.kinds), None)
-        remedy = f"use it with --{right}" if right else ""
+        matching = next((name for name, other in READERS.items() if kind in other.kinds), None)
+        remedy = f"use it with --{matching}" if matching else ""
         raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
     return reader(**data)

@@ -1,9 +1,9 @@
-"""Selection of the table rows that belong together: one resin, one wavelength, one specimen, and no unused column.
+"""Selection of the table rows that may be evaluated together: of one resin, one wavelength, one specimen.
 
-A fit to pooled rows of several resins, or of several wavelengths, gives a number that is valid for none of them. A
-column that varies means that the rows differ. A column that an evaluation does not use is therefore rejected by name,
-unless the user selects the rows with one of its values or declares that it has no effect. Columns with comments and
-dates are only named in a warning.
+A fit to pooled rows of several resins, or of several wavelengths, gives a number that is valid for none of them. If a
+column that an evaluation does not use varies, the rows differ; the table is therefore rejected, unless the user selects
+the rows with one of its values or declares that the column has no effect. Columns with comments and dates are only
+named in a note.
 
 Replicates in parallel columns (``disc 1``, ``disc 2``) are converted to a single column.
 
@@ -26,45 +26,45 @@ from solen.spec.strict import Options
 from solen.units import factor
 
 REPEATS = ("replicate", "repeat", "wiederholung", "reading", "run")
-"""Names of columns that number repeated readings, used when they are averaged."""
-_REMARKS = frozenset(
+"""Names of columns that number repeated readings, which are averaged."""
+_COMMENT_COLUMNS = frozenset(
     {"note", "notes", "comment", "comments", "remark", "remarks", "kommentar", "bemerkung", "date", "datum"}
     | {"timestamp", "file", "datei", "picture", "image", "operator", "nr", "nr.", "no", "no.", "#", "row", "column 1"}
 )
 """Names of columns that do not describe what was measured."""
 _NUMBERED = re.compile(r"(.*?)[\s_#.-]*\(?(\d+)\)?")
-"""A name with the number of a replicate: disc 1, thickness_2, depth (3)."""
-_SHOWN = 4
-_SAME = 1e-6  # largest relative scatter of the ratio of two columns with the same quantity in two units
+"""Pattern of a name with the number of a replicate: disc 1, thickness_2, depth (3)."""
+_MAX_VALUES = 4  # number of values of a column that a message lists
+_RATIO_TOLERANCE = 1e-6  # largest relative scatter of the ratio of two columns with one quantity in two units
 
 
 class RowOptions(Options):
-    """Options for selecting table rows that belong together."""
+    """Options for selecting the rows of a table."""
 
     map: tuple[str, ...] = ()
-    """Read a column under another name, for example stroke=displacement or reading=force_N; repeatable."""
+    """Rename a column, OLD=NEW, for example stroke=displacement or reading=force_N; repeatable."""
     where: tuple[str, ...] = ()
-    """Use only the rows with one value of a column, for example material=RA-139; repeatable."""
+    """Use only the rows with this value of a column, for example material=RA-139; repeatable."""
     ignore: tuple[str, ...] = ()
     """Name of a column that varies without effect on the result; repeatable."""
 
 
 def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
-    """Return the rows that meet the options' conditions.
+    """Return a recording with renamed columns (``map``), and only the selected rows (``where``).
 
     Raises
     ------
     SpecError
-        If a condition is malformed, or no row meets it.
+        If an option is malformed, or no row has the value.
     DataError
         If the table has no column with that name, or already has one with the new name.
     """
     for pair in options.map:
-        recording = _renamed(recording, *_sides(pair, "--map", "stroke=displacement"))
+        recording = _renamed(recording, *_name_and_value(pair, "--map", "stroke=displacement"))
     for condition in options.where:
-        name, value = _sides(condition, "--where", "material=RA-139")
+        name, value = _name_and_value(condition, "--where", "material=RA-139")
         column = _column(recording, name, "--where")
-        keep = np.array([_is(text, value) for text in _texts(recording, column)])
+        keep = np.array([_equals(cell, value) for cell in _cells(recording, column)])
         if not keep.any():
             raise SpecError(
                 "--where", value=condition, limit=f"no row has this value; {column} is {_values(recording, column)}"
@@ -73,34 +73,33 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
             recording,
             channels=tuple(replace(channel, values=channel.values[keep]) for channel in recording.channels),
             texts={
-                key: tuple(text for text, kept in zip(texts, keep.tolist(), strict=True) if kept)
-                for key, texts in recording.texts.items()
+                key: tuple(cell for cell, kept in zip(cells, keep.tolist(), strict=True) if kept)
+                for key, cells in recording.texts.items()
             },
         )
     return recording
 
 
-def _sides(text: str, option: str, example: str) -> tuple[str, str]:
-    """Return the texts before and after the equals sign."""
+def _name_and_value(text: str, option: str, example: str) -> tuple[str, str]:
+    """Return the strings before and after the equals sign."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
-        raise SpecError(option, value=text, limit="is not a name and a value", remedy=f"write it like {example}")
+        raise SpecError(option, value=text, limit="is not of the form NAME=VALUE", remedy=f"write it as in {example}")
     return name, value
 
 
-def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
+def _renamed(recording: Recording, name: str, new_name: str) -> Recording:
     """Return the recording with a column renamed, in the unit of the new name if the file specifies none."""
     optical = any(channel.quantity in AXES.values() for channel in recording.channels)
-    column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
+    column, head = _column(recording, name, "--map"), heading(new_name, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
-        raise DataError(
-            f"--map {name}={wanted}", limit=f"a column {head.name} already exists", remedy="map that column as well"
-        )
+        limit = f"the column {head.name} already exists"
+        raise DataError(f"--map {name}={new_name}", limit=limit, remedy="rename that column as well")
     texts = {head.name if key == column else key: cells for key, cells in recording.texts.items()}
     return replace(
         recording,
         channels=tuple(
-            _as(channel, head.name, head.unit, optical=optical)
+            _with_name(channel, head.name, head.unit, optical=optical)
             if channel.name == column
             else replace(channel, axis=head.name if channel.axis == column else channel.axis)
             for channel in recording.channels
@@ -109,23 +108,27 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     )
 
 
-def _as(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
+def _with_name(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
     if unit and channel.unit and factor(unit, channel.unit) != 1.0:
-        limit = f"its header specifies {channel.unit}"
+        limit = f"the unit in the header of the column is {channel.unit}"
         raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="omit the unit")
     quantity = quantity_of(name, unit or channel.unit, optical=optical)
     return replace(channel, name=name, quantity=quantity, unit=channel.unit or unit)
 
 
 def stacked_replicates(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
-    """Return a recording with replicate columns stacked as rows of one column, and a text column that numbers them.
+    """Return a recording with replicate columns stacked into one column, and a text column that numbers the replicates.
 
     Parameters
     ----------
+    recording
+        A table; it is returned unchanged if it has no replicate columns.
     names
-        Names of the quantity; the first becomes the column's name, those with numbers are replicates.
+        Names of the quantity; columns with one of these names and a number are replicates. The first is the name of the
+        stacked column.
     labels
-        Names of replicates; the first becomes the text's name.
+        Names of replicates; columns with one of these names and a number are replicates, too. The first is the name of
+        the text column.
     """
     known = {plain(name) for name in (*names, *labels)}
     columns = [
@@ -135,46 +138,48 @@ def stacked_replicates(recording: Recording, names: Sequence[str], labels: Seque
         or ((match := _NUMBERED.fullmatch(channel.name)) and plain(match[1]) in known)
     ]
     numbered = [column.name for column in columns if _NUMBERED.fullmatch(column.name)]
-    alone = [column.name for column in columns if column.name not in numbered]
-    if alone and len(numbered) > 1:
+    unnumbered = [column.name for column in columns if column.name not in numbered]
+    if unnumbered and len(numbered) > 1:
         raise DataError(
-            f"column {alone[0]}",
+            f"column {unnumbered[0]}",
             limit=f"occurs together with its replicates {', '.join(numbered)}: it may be their mean, not one of them",
-            remedy=f"delete it, or omit it with --map {alone[0]}=summary --ignore summary",
+            remedy=f"delete it, or omit it with --map {unnumbered[0]}=summary --ignore summary",
         )
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
         return recording
-    times, first = len(columns), columns[0]
+    count, first = len(columns), columns[0]
     values = np.concatenate(
         [column.values if column.unit == first.unit else column.to(first.unit) for column in columns]
     )
-    beside = [
-        replace(channel, values=np.tile(channel.values, times), axis="")
+    others = [
+        replace(channel, values=np.tile(channel.values, count), axis="")
         for channel in recording.channels
         if channel not in columns
     ]
-    numbers = [f"{number}" for number in range(1, times + 1) for _ in first.values]
+    numbers = [f"{number}" for number in range(1, count + 1) for _ in first.values]
     return replace(
         recording,
         channels=(
-            *beside,
+            *others,
             replace(first, name=names[0], quantity=quantity_of(names[0], first.unit), values=values, axis=""),
         ),
-        texts={name: cells * times for name, cells in recording.texts.items()} | {labels[0]: tuple(numbers)},
+        texts={name: cells * count for name, cells in recording.texts.items()} | {labels[0]: tuple(numbers)},
     )
 
 
 def refuse_unused(
     recording: Recording, options: RowOptions, used: Collection[str], *, labels_only: bool = False
 ) -> list[Caution]:
-    """Raise if an unused column varies; otherwise return warnings about unused columns.
+    """Raise if a column that is not used varies; otherwise return a note that names the unused comment columns.
 
     Parameters
     ----------
+    recording, options
+        A table, and the options that list the columns without effect.
     used
         Names of the columns that the evaluation uses.
     labels_only
-        Whether numbers are in parallel columns, as traces are, so that only row labels could differ unnoticed.
+        Check only the text columns, as for traces in parallel columns.
 
     Raises
     ------
@@ -186,23 +191,26 @@ def refuse_unused(
     traces = {channel.name for channel in recording.channels if channel.axis}
     names = [name for name in recording.texts if name not in traces]
     names += [] if labels_only else [name for name in recording.names if name not in names]
-    varying = [name for name in names if not {name, plain(name)} & known and len(set(_texts(recording, name))) > 1]
-    left = [name for name in varying if plain(name) not in _REMARKS and not _restates(recording, name, used)]
-    if left:
-        value = next(iter(_texts(recording, left[0])))
+    varying = [name for name in names if not {name, plain(name)} & known and len(set(_cells(recording, name))) > 1]
+    unused = [
+        name for name in varying if plain(name) not in _COMMENT_COLUMNS and not _is_repeated(recording, name, used)
+    ]
+    if unused:
+        column = unused[0]
+        value = _cells(recording, column)[0]
         raise DataError(
-            f"{recording.provenance.file or 'table'}: column {left[0]}",
-            value=_values(recording, left[0]),
+            f"{recording.provenance.file or 'table'}: column {column}",
+            value=_values(recording, column),
             limit="differs from row to row and is not used: rows that differ must not be pooled",
-            remedy=f"select the rows with one value with --where {left[0]}={value}, or declare "
-            f"that this column has no effect with --ignore {left[0]}",
+            remedy=f"select the rows with one value with --where {column}={value}, or declare "
+            f"that this column has no effect with --ignore {column}",
         )
-    remarks = [name for name in varying if plain(name) in _REMARKS]
-    return [note(f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}")] if remarks else []
+    comments = [name for name in varying if plain(name) in _COMMENT_COLUMNS]
+    return [note(f"not used: column{'s' * (len(comments) > 1)} {', '.join(comments)}")] if comments else []
 
 
 def constant_number(recording: Recording, names: Sequence[str], unit: str) -> float | None:
-    """Return the number in a column, in a unit, if it is the same in all rows; otherwise None."""
+    """Return the number in a column, converted to a unit, if it is the same in all rows; otherwise None."""
     channel = recording.find(*names)
     if channel is None:
         return None
@@ -211,37 +219,39 @@ def constant_number(recording: Recording, names: Sequence[str], unit: str) -> fl
 
 
 def _column(recording: Recording, name: str, option: str) -> str:
-    """Return a column by its name in the recording; `DataError` if there is none."""
-    for column in (*recording.texts, *recording.names):
+    """Return the name of a column in the recording; raise `DataError` if there is none."""
+    columns = dict.fromkeys((*recording.texts, *recording.names))
+    for column in columns:
         if plain(column) == plain(name):
             return column
     if (channel := recording.find(name)) is not None:
         return channel.name
-    every = ", ".join(dict.fromkeys((*recording.texts, *recording.names)))
-    raise DataError(f"{option} {name}", limit=f"there is no such column; the columns are {every}")
+    raise DataError(f"{option} {name}", limit=f"there is no such column; the columns are {', '.join(columns)}")
 
 
-def _texts(recording: Recording, column: str) -> tuple[str, ...]:
-    """Return a column's cells as texts."""
-    texts = recording.texts.get(column)
-    return texts if texts is not None else tuple(f"{value:.9g}" for value in recording.channel(column).values)
+def _cells(recording: Recording, column: str) -> tuple[str, ...]:
+    """Return the cells of a column as strings."""
+    cells = recording.texts.get(column)
+    return cells if cells is not None else tuple(f"{value:.9g}" for value in recording.channel(column).values)
 
 
-def _is(text: str, value: str) -> bool:
-    """Whether a cell contains a value, as a word or as a number."""
+def _equals(cell: str, value: str) -> bool:
+    """Whether a cell equals a value, as a number or as a word."""
     try:
-        return float(text.replace(",", ".")) == float(value.replace(",", "."))
+        return float(cell.replace(",", ".")) == float(value.replace(",", "."))
     except ValueError:
-        return text.strip().casefold() == value.casefold()
+        return cell.strip().casefold() == value.casefold()
 
 
 def _values(recording: Recording, column: str) -> str:
-    values = list(dict.fromkeys(_texts(recording, column)))
-    return ", ".join(values[:_SHOWN]) + (f" and {len(values) - _SHOWN} more" if len(values) > _SHOWN else "")
+    """Return a list of a column's different values for a message."""
+    values = list(dict.fromkeys(_cells(recording, column)))
+    more = len(values) - _MAX_VALUES
+    return ", ".join(values[:_MAX_VALUES]) + (f" and {more} more" if more > 0 else "")
 
 
-def _restates(recording: Recording, column: str, used: Collection[str]) -> bool:
-    """Whether a column of numbers repeats a used one in another unit."""
+def _is_repeated(recording: Recording, column: str, used: Collection[str]) -> bool:
+    """Whether a column of numbers is a used column in another unit."""
     if column in recording.texts:
         return False
     others = [channel for channel in recording.channels if channel.name in used]
@@ -251,4 +261,4 @@ def _restates(recording: Recording, column: str, used: Collection[str]) -> bool:
 def _proportional(channel: Channel, other: Channel) -> bool:
     with np.errstate(all="ignore"):
         ratio = channel.values / other.values
-    return bool(np.isfinite(ratio).all() and np.ptp(ratio) <= _SAME * abs(float(np.mean(ratio))))
+    return bool(np.isfinite(ratio).all() and np.ptp(ratio) <= _RATIO_TOLERANCE * abs(float(np.mean(ratio))))

@@ -65,6 +65,6 @@ def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, flo
     """Return the decrease in index of the shipped resins: midpoint of the range, its uncertainty, and the maximum."""
     resins = [library_resin(name) for name in library()]
     indices = [resin.index for resin in resins if resin.index.mode == "literature"]
-    falls = [float(np.subtract(*index.along([short_nm, long_nm])[0])) for index in indices]
+    falls = [float(np.subtract(*index.indices([short_nm, long_nm])[0])) for index in indices]
     low, high = min(falls), max(falls)
     return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0)), high

@@ -53,7 +53,7 @@ class Sample:
 
 def index_of(nm: FloatArray | float) -> FloatArray:
     """Return the index of the simulated layer."""
-    return np.asarray(library_resin(RESIN).index.along(nm)[0], dtype=float)
+    return np.asarray(library_resin(RESIN).index.indices(nm)[0], dtype=float)
 
 
 def _table(model: str, header: str, *columns: FloatArray) -> str:

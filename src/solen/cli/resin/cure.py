@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.material.cure import MeasuredCurve
-from solen.material.cure.discs import InLampExposure, LayerExposure, LayerNeed
-from solen.material.cure.spectral import InLamp
+from solen.material.cure.discs import LayerExposure, LayerNeed, SpectralExposure
+from solen.material.cure.spectral import SpectralFit
 from solen.pipeline.resin.cure import cure as cure
 
 
@@ -17,10 +17,11 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
         f"from {curve.discs} discs at {curve.doses} doses; discs of {curve.mean_thickness_um:.3g} µm scatter by "
         f"{curve.sd_thickness_um:.2g} µm"
     )
-    for one in curve.beside:
-        yield f"{one.file}: Dp {one.Dp_um:.4g} µm ({_ends(one.interval95_Dp_um)}), Ec {one.Ec_mJ_per_cm2:.3g} mJ/cm²"
-    if (lamp := curve.in_lamp) is not None:
-        yield from _in_lamp(lamp, curve.in_lamp_exposure)
+    for other in curve.beside:
+        Dp = f"Dp {other.Dp_um:.4g} µm ({_ends(other.interval95_Dp_um)})"
+        yield f"{other.file}: {Dp}, Ec {other.Ec_mJ_per_cm2:.3g} mJ/cm²"
+    if curve.in_lamp is not None:
+        yield from _spectral_law(curve.in_lamp, curve.in_lamp_exposure)
     if curve.layer is not None:
         yield _need(curve.layer)
     if curve.exposure is not None:
@@ -35,17 +36,21 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
         )
 
 
-def _in_lamp(lamp: InLamp, exposure: InLampExposure | None) -> Iterator[str]:
-    prefers = {None: "do not distinguish the two laws", "spectrum": "prefer this law", "Jacobs": "prefer Jacobs' law"}
+def _spectral_law(fit: SpectralFit, exposure: SpectralExposure | None) -> Iterator[str]:
+    preference = {
+        None: "do not distinguish the two laws",
+        "spectrum": "prefer this law",
+        "Jacobs": "prefer Jacobs' law",
+    }
     yield (
-        f"with the spectrum of {lamp.lamp}: Dp {lamp.Dp_um:.4g} ± {lamp.u_Dp_um:.2g} µm at the surface, Ec "
-        f"{lamp.Ec_mJ_per_cm2:.3g} ± {lamp.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {prefers[lamp.preferred]} "
-        f"({lamp.rms_um:.2g} µm rms, with Jacobs' law {lamp.jacobs_rms_um:.2g})"
+        f"spectral cure law (lamp: {fit.lamp}): Dp {fit.Dp_um:.4g} ± {fit.u_Dp_um:.2g} µm at the surface, Ec "
+        f"{fit.Ec_mJ_per_cm2:.3g} ± {fit.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {preference[fit.preferred]} "
+        f"({fit.rms_um:.2g} µm RMS, Jacobs' law {fit.jacobs_rms_um:.2g} µm RMS)"
     )
     if exposure is not None:
         yield (
-            f"with it the exposure cures {exposure.cure_depth_um:.3g} µm, and prints through by "
-            f"{exposure.print_through_many_layers_um:.3g} µm below many layers; the dose inside is "
+            f"according to this law, the exposure cures {exposure.cure_depth_um:.3g} µm, the print-through below many "
+            f"layers is {exposure.print_through_many_layers_um:.3g} µm, and the dose inside is "
             f"{exposure.interior_mean_mJ_per_cm2:.3g} mJ/cm², {exposure.interior_over_jacobs:.3g} times "
             "that of Jacobs' law"
         )
@@ -56,19 +61,19 @@ def _ends(interval: tuple[float, float] | None) -> str:
 
 
 def _need(layer: LayerNeed) -> str:
-    needs = "too large to compute"
+    dose = "too large to compute"
     if layer.needed_mJ_per_cm2 is not None:
-        needs = f"{layer.needed_mJ_per_cm2:.3g} mJ/cm² ({_ends(layer.interval95_needed_mJ_per_cm2)})"
+        dose = f"{layer.needed_mJ_per_cm2:.3g} mJ/cm² ({_ends(layer.interval95_needed_mJ_per_cm2)})"
     seconds = "" if layer.needed_s is None else f", {layer.needed_s:.2g} s"
-    return f"{layer.layer_um:g} µm cured {layer.overcure:g} times over: {needs}{seconds}"
+    return f"dose to cure {layer.overcure:g} times a layer of {layer.layer_um:g} µm: {dose}{seconds}"
 
 
 def _exposure(exposure: LayerExposure) -> Iterator[str]:
     yield (
         f"an exposure of {exposure.exposure_s:g} s ({exposure.dose_mJ_per_cm2:.3g} mJ/cm²) cures "
         f"{exposure.cure_depth_um:.3g} µm ({_ends(exposure.interval95_cure_depth_um)}), "
-        f"{exposure.cure_depth_layers:.2g} layers; below the layer {exposure.dose_below_mJ_per_cm2:.3g} mJ/cm² remain, "
-        f"{exposure.dose_below_over_Ec:.2g} Ec"
+        f"{exposure.cure_depth_layers:.2g} layers; the dose below the layer is {exposure.dose_below_mJ_per_cm2:.3g} "
+        f"mJ/cm², {exposure.dose_below_over_Ec:.2g} Ec"
     )
     yield (
         f"print-through into a gap: {exposure.print_through_um:.3g} µm below one layer, "

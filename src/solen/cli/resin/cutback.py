@@ -17,7 +17,7 @@ def _(loss: GuideLoss) -> Iterator[str]:
         f"{loss.readings} readings of {loss.guides} guides, {shortest:g} to {longest:g} mm long"
     )
     if loss.absorption_per_mm is None:
-        yield "absorption per mm: undefined, as the loss is not positive"
+        yield "absorption coefficient: undefined, because the loss is not positive"
     else:
         yield (
             f"absorption coefficient {loss.absorption_per_mm:.3g} ± {loss.u_absorption_per_mm:.2g} "
@@ -25,11 +25,11 @@ def _(loss: GuideLoss) -> Iterator[str]:
         )
     if loss.interval95_coupling_loss_dB is not None:
         low, high = loss.interval95_coupling_loss_dB
-        yield f"coupling and ends {loss.coupling_loss_dB:.3g} dB ({low:.3g} to {high:.3g})"
+        yield f"loss of the coupling and the ends {loss.coupling_loss_dB:.3g} dB ({low:.3g} to {high:.3g})"
     for line in loss.by_orientation:
         low, high = line.interval95_loss_dB_per_cm
         yield f"  {line.orientation}: {line.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g})"
     yield (
-        f"one layer of {LAYER_UM:g} µm cannot show this: an error of {100.0 * U_T:g} % in its transmittance "
-        f"is {loss.layer_limit_dB_per_cm:.1f} dB/cm"
+        f"for comparison: an error of {100.0 * U_T:g} % in the transmittance of one layer of {LAYER_UM:g} µm "
+        f"corresponds to {loss.layer_limit_dB_per_cm:.1f} dB/cm"
     )

@@ -1,4 +1,4 @@
-"""The command that compares layers by exposure."""
+"""The command that compares layers with different exposures."""
 
 import math
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ def _(trends: ExposureTrends) -> Iterator[str]:
     for row in trends.wavelengths:
         for name, values, line in (("T", row.T, row.trend_T), ("n", row.n, row.trend_n)):
             if line is not None:
-                texts = ("      -" if math.isnan(value) else f"{value:7.4f}" for value in values)
-                yield f"{name} {row.wavelength_nm:7g} nm  " + "  ".join(texts)
+                cells = ("      -" if math.isnan(value) else f"{value:7.4f}" for value in values)
+                yield f"{name} {row.wavelength_nm:7g} nm  " + "  ".join(cells)
                 yield f"    {name} changes by {_slope(line)}"
 
 
 def _slope(line: Trend) -> str:
     ends = line.interval95_slope_per_s
-    interval = "two samples give no interval" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
+    interval = "no interval from two samples" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
     return f"{line.slope_per_s:+.3g} per s ({interval})"

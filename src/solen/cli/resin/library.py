@@ -1,4 +1,4 @@
-"""Commands for resins: build a file from results, list and show them, compute a mixture."""
+"""Commands for resins: build a file from results, list and show resins, compute a mixture."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -16,12 +16,12 @@ from solen.results import Outcome
 
 
 def list_() -> Outcome[ResinList]:
-    """List the resins shipped with solen, with their index."""
+    """List the resins shipped with solen, with their indices."""
     return Outcome(listed())
 
 
 def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -> Outcome[Mixtures]:
-    """Compute the masses to weigh for a mixture, for both interpretations of its percentages.
+    """Compute the masses to weigh for a mixture, for both meanings of its percentages.
 
     Parameters
     ----------
@@ -34,21 +34,21 @@ def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -
 @lines.register
 def _(facts: ResinFacts) -> Iterator[str]:
     yield facts.name
-    yield from (f"  {name}: {words}" for name, words in (("source", facts.source), ("notes", facts.notes)) if words)
+    yield from (f"  {name}: {value}" for name, value in (("source", facts.source), ("notes", facts.notes)) if value)
     yield from (f"  n at {at.wavelength_nm:g} nm: {_index(at)}" for at in facts.at)
     if facts.index is not None:
         yield f"  index: {', '.join(filter(None, (facts.index.kind, facts.index.mode)))}"
     for name, table in (("loss", facts.loss), ("cure", facts.cure), ("stiffness", facts.stiffness)):
         if table is not None:
             yield f"  {name}:"
-            yield from (f"  {line}" for line in listing(_shown(table)))
+            yield from (f"  {line}" for line in listing(_entries(table)))
     if facts.formulation:
         yield "  formulation: " + ", ".join(f"{part.component} {part.wt_percent:g} wt%" for part in facts.formulation)
     yield from map(_source, facts.sources)
 
 
-def _shown(table: BaseModel) -> dict[str, Any]:
-    """Return the entries of a table for a listing, with pairs of numbers as text."""
+def _entries(table: BaseModel) -> dict[str, Any]:
+    """Return the entries of a table for a listing, with pairs of numbers as strings."""
     values = {key: value for key, value in table.model_dump(mode="json").items() if value is not None and value != ""}
     return {key: f"{text(value[0])} to {text(value[1])}" if _is_pair(value) else value for key, value in values.items()}
 
@@ -65,8 +65,8 @@ def _index(at: IndexAt) -> str:
 
 def _source(source: Source) -> str:
     checksum = f"sha256 {source.sha256[:12]}…" if source.sha256 else ""
-    words = (source.file, source.instrument, source.date, checksum, "simulated" * source.simulated)
-    return f"  source of {source.of}: {', '.join(filter(None, words))}"
+    parts = (source.file, source.instrument, source.date, checksum, "simulated" * source.simulated)
+    return f"  source of {source.of}: {', '.join(filter(None, parts))}"
 
 
 @lines.register
@@ -76,27 +76,27 @@ def _(listing: ResinList) -> Iterator[str]:
     yield f"  {'':{width}}  {'  '.join(f'{name:>9}' for name in wavelengths)}  mode"
     for facts in listing.resins:
         values = "  ".join(f"{'–' if at.n is None else format(at.n, '.4f'):>9}" for at in facts.at)
-        warned = " (see its warning)" if facts.warnings else ""
+        suffix = " (see its warning)" if facts.warnings else ""
         mode = facts.index.mode if facts.index is not None else ""
-        yield f"  {facts.resin:{width}}  {values}  {mode or 'not stated'}{warned}"
+        yield f"  {facts.resin:{width}}  {values}  {mode or 'not specified'}{suffix}"
 
 
 @lines.register
-def _(weighed: Mixtures) -> Iterator[str]:
-    readings = {
-        "percentages of the whole mixture": weighed.of_whole,
-        "grams per 100 g of the base": weighed.on_base,
+def _(mixtures: Mixtures) -> Iterator[str]:
+    meanings = {
+        "percentages of the whole mixture": mixtures.of_whole,
+        "grams per 100 g of the base": mixtures.on_base,
     }
-    for reading, mixture in readings.items():
-        yield f"{reading}: {mixture.total_g:g} g in all"
+    for meaning, mixture in meanings.items():
+        yield f"{meaning}: {mixture.total_g:g} g in total"
         width = max(len(part.name) for part in mixture.components)
         yield from (f"  {part.name:{width}}  {_part(part)}" for part in mixture.components)
         if mixture.index_estimate is not None:
             index = f"{mixture.index_estimate:.4f}"
-            yield f"  index of the liquid, an estimate (Lorentz-Lorenz, additive volumes): {index}"
+            yield f"  estimated index of the liquid (Lorentz-Lorenz, additive volumes): {index}"
 
 
 def _part(part: Weighed) -> str:
     volume = "" if part.volume_mL is None else f"  {part.volume_mL:.4g} mL"
-    share = f"{part.wt_percent:.3f} wt%, weighed {part.error_wt_percent:+.3f} ± {part.worst_wt_percent:.3f}"
-    return f"{part.weighed_g:10g} g{volume}  {share}  {part.phr:.2f} phr"
+    fraction = f"{part.wt_percent:.3f} wt%, weighed {part.error_wt_percent:+.3f} ± {part.worst_wt_percent:.3f}"
+    return f"{part.weighed_g:10g} g{volume}  {fraction}  {part.phr:.2f} phr"

@@ -187,7 +187,7 @@ def cure_law(job: Job, resin: Resin | None) -> tuple[CureLaw | None, str | None]
 def _received(job: Job, law: CureLaw | None, doses: FloatArray) -> tuple[float, ...] | None:
     if law is None:
         return None
-    received = doses if job.solid.exposures_s else law.received(doses, job.slicing.layer_um)
+    received = doses if job.solid.exposures_s else law.mean_doses(doses, job.slicing.layer_um)
     return tuple(np.round(received, 4).tolist())
 
 

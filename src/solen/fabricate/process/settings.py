@@ -173,7 +173,7 @@ class Settings(Strict):
 
     def transmitted(self, depth_um: ArrayLike) -> FloatArray:
         """Return the fraction of the light that is transmitted to a depth."""
-        return self.law.left(depth_um)
+        return self.law.transmitted(depth_um)
 
     @property
     def deep_Dp_um(self) -> float:

@@ -1,9 +1,9 @@
-"""Cure: how deep light hardens a resin, and what dose the parts of a print receive.
+"""Cure: how deep light cures a resin, and the dose that each layer of a print receives.
 
-`curve` fits the working curve; `discs` selects the columns of a table for it and derives the consequences for a print;
-`layers` adds up the doses in a print; `penetration` computes the penetration depth from an absorbance;
-`published_bounds` turns statements of the kind "200 µm at 39 mJ/cm²" into bounds; `exposures` compares the optics of
-layers with different exposures.
+`curve` fits the working curve; `discs` reads the discs of a table and applies their working curve to a print; `layers`
+adds up the doses in a print; `penetration` computes the penetration depth from an absorbance; `spectral` fits the cure
+law for a lamp with a spectrum; `published_bounds` converts statements such as "200 µm at 39 mJ/cm²" into bounds;
+`exposures` compares the optical properties of layers with different exposures.
 """
 
 from solen.material.cure.curve import WorkingCurve, working_curve

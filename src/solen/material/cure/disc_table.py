@@ -1,4 +1,4 @@
-"""Table of cured discs: the thickness and dose of each disc, from the columns of a recording."""
+"""Discs of a recording: the thickness and dose of each disc, from the columns of a table."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ _ROUNDED_DOSE = 0.05  # relative tolerance between a dose and time times irradia
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Discs:
     """Discs of a table: dose in mJ/cm², thickness in µm, first row of each disc, columns used, and warnings."""
 
     dose: FloatArray
@@ -30,18 +30,18 @@ class Table:
     warnings: list[Caution]
 
 
-def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
-    """Return the discs in a table. Rows with the same dose and disc are repeated readings and are averaged."""
+def discs_of(recording: Recording, irradiance_mW_per_cm2: float | None) -> Discs:
+    """Return the discs in a table; rows with the same disc and dose are repeated readings, which are averaged."""
     thickness = recording.need(*THICKNESSES)
     thickness_um = thickness.to("um")
     dose, used = _doses(recording, irradiance_mW_per_cm2)
     used = [thickness.name, *used]
-    columns = [texts for name in DISCS if (texts := recording.label(name)) is not None and len(set(texts)) > 1]
-    if not columns:
-        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), used, [])
-    columns += [texts for name in REPLICATES if (texts := recording.label(name)) is not None]
-    used += [name for name, texts in recording.texts.items() if texts in columns]
-    names = (" ".join(texts).strip() for texts in zip(*columns, strict=True))
+    labels = [cells for name in DISCS if (cells := recording.label(name)) is not None and len(set(cells)) > 1]
+    if not labels:
+        return Discs(dose, thickness_um, list(range(1, len(dose) + 1)), used, [])
+    labels += [cells for name in REPLICATES if (cells := recording.label(name)) is not None]
+    used += [name for name, cells in recording.texts.items() if cells in labels]
+    names = (" ".join(cells).strip() for cells in zip(*labels, strict=True))
     keys = [(value, name or f"row {row}") for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))]
     means = group_means(keys, thickness_um)
     warnings = []
@@ -53,42 +53,42 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
             )
         ]
     doses = np.array([value for value, _ in means])
-    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
+    return Discs(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 
 
 def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, list[str]]:
-    """Return the doses in mJ/cm², either listed or computed from times, and the columns that they come from."""
+    """Return the doses in mJ/cm², listed or computed from exposure times, and the names of the columns used."""
     dose, time = _with_unit(recording, DOSES, DOSE), _with_unit(recording, TIMES, "s")
-    rate = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
+    irradiance = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
     if dose is not None:
-        agree = [] if time is None or rate is None else _agreeing(recording, dose, time, rate)
-        return dose.to(DOSE), [dose.name, *agree]
+        checked = [] if time is None or irradiance is None else _checked_columns(recording, dose, time, irradiance)
+        return dose.to(DOSE), [dose.name, *checked]
     if time is None:
         unknown = recording.find(*DOSES, *TIMES) or recording.need("dose", "energy", "time")
-        return unknown.to(DOSE), []  # raises, with the remedy
-    if rate is not None:
-        return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
+        return unknown.to(DOSE), []  # raises an error with the remedy
+    if irradiance is not None:
+        return time.to("s") * irradiance.to("mW/cm2"), [time.name, irradiance.name]
     if irradiance_mW_per_cm2 is not None:
         return time.to("s") * irradiance_mW_per_cm2, [time.name]
-    limit = "contains exposure times, but a working curve requires doses"
-    raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
+    limit = f"contains exposure times (column {time.name}), but a working curve requires doses"
+    raise DataError(recording.provenance.file, limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 
-def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Return the names of the time and irradiance columns; `DataError` if their product is not the listed dose."""
-    product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
-    off = np.abs(product - stated) > _ROUNDED_DOSE * stated
-    if off.any():
-        row = int(np.flatnonzero(off)[0])
-        limit = f"is not {time.name} times {rate.name}, {product[row]:.4g} mJ/cm²"
+def _checked_columns(recording: Recording, dose: Channel, time: Channel, irradiance: Channel) -> list[str]:
+    """Return the names of the time and irradiance columns; raise `DataError` if a dose is not their product."""
+    product, listed = time.to("s") * irradiance.to("mW/cm2"), dose.to(DOSE)
+    differs = np.abs(product - listed) > _ROUNDED_DOSE * listed
+    if differs.any():
+        row = int(np.flatnonzero(differs)[0])
+        limit = f"is not {time.name} times {irradiance.name}, {product[row]:.4g} mJ/cm²"
         raise DataError(
-            f"{recording.provenance.file}: {dose.name} in row {row + 1}", value=f"{stated[row]:.4g}", limit=limit
+            f"{recording.provenance.file}: {dose.name} in row {row + 1}", value=f"{listed[row]:.4g}", limit=limit
         )
-    return [time.name, rate.name]
+    return [time.name, irradiance.name]
 
 
 def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:
-    """Return the first channel with one of these names that converts to a unit."""
+    """Return the first channel with one of the names that can be converted to a unit."""
     for name in names:
         channel = recording.find(name)
         if channel is not None and channel.unit and factor(channel.unit, unit) is not None:

@@ -1,4 +1,4 @@
-"""The working curve from a table of discs, and its consequences for a print.
+"""The working curve from a table of discs, and the exposures and doses in a print that follow from it.
 
 `curve_of_discs` evaluates a recording with `CureOptions` and returns a `MeasuredCurve`; `curves_of_discs` compares
 further recordings with the first.
@@ -15,9 +15,9 @@ from pydantic import Field, model_validator
 
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
-from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs
+from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs_of
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
-from solen.material.cure.spectral import InLamp
+from solen.material.cure.spectral import SpectralFit
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
 from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.recording import Measured, Recording
@@ -25,14 +25,14 @@ from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
 
 MAX_LAYERS = 100_000
-"""Largest number of layers: more than any printer prints, 1 m in layers of 10 µm."""
-_APART = 0.2  # relative difference of penetration depths from discs and from absorbance above which to warn
+"""Maximum number of layers: more than any printer prints, 1 m in layers of 10 µm."""
 PLAUSIBLE_DP_UM = (1.0, 1e4)
-"""Range far wider than the penetration depths of printable resins; outside it, a unit is wrong."""
+"""Range far wider than that of the penetration depths of printable resins; outside it, a unit is probably wrong."""
+_MAX_DP_DIFFERENCE = 0.2  # relative difference of penetration depths from discs and from absorbance, without a warning
 
 
 class CureOptions(RowOptions):
-    """Options for evaluating discs and for the exposure of a part."""
+    """Options for evaluating discs and the exposure of a part."""
 
     irradiance_mW_per_cm2: Finite | None = Field(None, gt=0.0)
     """Irradiance at the window; converts exposure times to doses."""
@@ -41,7 +41,7 @@ class CureOptions(RowOptions):
     exposure_s: Finite | None = Field(None, gt=0.0)
     """Exposure time of a layer."""
     overcure: Finite = Field(2.0, gt=0.0)
-    """Target cure depth for the required exposure, in layer thicknesses."""
+    """Cure depth for the required exposure, in layer thicknesses."""
     layers: int | None = Field(None, gt=0, le=MAX_LAYERS)
     """Number of layers of the part; default: enough for its interior to reach a constant dose."""
     burn_in_layers: int = Field(0, ge=0)
@@ -51,23 +51,21 @@ class CureOptions(RowOptions):
     min_thickness_um: Finite | None = Field(None, ge=0.0)
     """Omit doses whose discs have a lower mean thickness."""
     scatter: Scatter = "auto"
-    """How discs scatter: proportional to their thickness, constant, or estimated."""
+    """Scatter of the discs: proportional to their thickness, constant, or estimated (auto)."""
     keep_all: bool = False
-    """Keep outliers."""
+    """Include outliers in the fit."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the lamp, reported in the result; default: the one that the table gives for all rows."""
+    """Wavelength of the lamp, stored in the result; default: that of the table, if it is the same in all rows."""
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_exposure(self) -> Self:
         if self.exposure_s is not None and self.layer_um is None:
             raise refused("exposure_s", "requires the layer thickness", remedy="add --layer-um")
         if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
-            raise refused(
-                "exposure_s", "cannot be converted to a dose without --irradiance-mW-per-cm2", remedy="add it"
-            )
+            raise refused("exposure_s", "requires the irradiance", remedy="add --irradiance-mW-per-cm2")
         if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
             name = "layers" if self.layers is not None else "burn_in_layers"
-            raise refused(name, "needs --exposure-s", remedy="add it")
+            raise refused(name, "requires --exposure-s", remedy="add it")
         if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
             raise refused("burn_in_layers", "requires --burn-in-s, and both must be above 0", value=self.burn_in_layers)
         if self.layers is not None and self.burn_in_layers > self.layers:
@@ -84,7 +82,7 @@ class CureOptions(RowOptions):
 
 @dataclass(frozen=True)
 class LayerNeed:
-    """Exposure that cures a layer to a multiple of its thickness.
+    """Exposure that cures resin to a multiple of the layer thickness.
 
     Attributes
     ----------
@@ -93,7 +91,7 @@ class LayerNeed:
     needed_mJ_per_cm2, interval95_needed_mJ_per_cm2
         Required dose and its 95 % interval; None if the dose overflows or has no interval.
     needed_s, interval95_needed_s
-        Required exposure time and its 95 % interval; None without an irradiance.
+        Required exposure time and its 95 % interval; None without an irradiance, or if the dose is None.
     """
 
     layer_um: float
@@ -106,7 +104,7 @@ class LayerNeed:
 
 @dataclass(frozen=True)
 class LayerExposure:
-    """Effect of a layer's exposure.
+    """Effect of the exposure of a layer.
 
     Attributes
     ----------
@@ -115,9 +113,9 @@ class LayerExposure:
     cure_depth_um, interval95_cure_depth_um, cure_depth_layers
         Cure depth, its 95 % interval, and the cure depth in layer thicknesses.
     dose_below_mJ_per_cm2, dose_below_over_Ec
-        Dose at the far side of the layer, in mJ/cm² and in units of the critical dose.
+        Dose at the far side of the layer, in mJ/cm² and relative to the critical dose.
     print_through_um, print_through_many_layers_um
-        How far resin sets into a gap beyond a single layer, and beyond many layers.
+        Depth to which resin cures into a gap beyond a single layer, and beyond many layers.
     """
 
     exposure_s: float
@@ -132,13 +130,13 @@ class LayerExposure:
 
 
 @dataclass(frozen=True)
-class InLampExposure:
-    """Effect of a layer's exposure according to the law with the lamp's spectrum, for comparison with Jacobs' law.
+class SpectralExposure:
+    """Effect of the exposure of a layer according to the spectral cure law, for comparison with Jacobs' law.
 
     Attributes
     ----------
     cure_depth_um, print_through_many_layers_um, interior_mean_mJ_per_cm2
-        The quantities in `LayerExposure` and `StackDose`, computed with the law for the lamp's spectrum.
+        The quantities of `LayerExposure` and `StackDose`, computed with the spectral cure law.
     interior_over_jacobs
         Ratio of the interior mean dose to its value from Jacobs' law.
     """
@@ -149,7 +147,7 @@ class InLampExposure:
     interior_over_jacobs: float
 
 
-class CurveBeside(WorkingCurve, Measured, kw_only=True):
+class ComparedCurve(WorkingCurve, Measured, kw_only=True):
     """Working curve from another table, for comparison with the first.
 
     Attributes
@@ -162,19 +160,19 @@ class CurveBeside(WorkingCurve, Measured, kw_only=True):
 
 
 class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
-    """Working curve from a table of discs, and its consequences for a print.
+    """Working curve from a table of discs, with exposures and doses in a print.
 
     Attributes
     ----------
     irradiance_mW_per_cm2, wavelength_nm
-        Irradiance and wavelength of the lamp, as specified.
+        Irradiance and wavelength of the lamp; None if not specified.
     layer, exposure, stack
         Exposure that a layer needs, effect of the chosen exposure, and the dose inside a part; None if not requested.
     beside
         Working curves from further tables, for example of other resins.
     in_lamp, in_lamp_exposure
-        The law with the lamp's spectrum, and the effect of a layer's exposure according to this law; None if not
-        requested.
+        The spectral cure law, for the spectrum of the lamp, and the effect of the exposure of a layer according to this
+        law; None if not requested.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -182,9 +180,9 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
     layer: LayerNeed | None
     exposure: LayerExposure | None
     stack: StackDose | None
-    beside: tuple[CurveBeside, ...] = ()
-    in_lamp: InLamp | None = None
-    in_lamp_exposure: InLampExposure | None = None
+    beside: tuple[ComparedCurve, ...] = ()
+    in_lamp: SpectralFit | None = None
+    in_lamp_exposure: SpectralExposure | None = None
 
     @reported
     def u_interior_mean_mJ_per_cm2(self) -> float | None:
@@ -193,14 +191,14 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
 
 
 def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the penetration depth and critical dose with their intervals and, for a specified layer, the consequences.
+    """Return the working curve of discs and, if a layer is specified, its exposure and dose.
 
     Parameters
     ----------
     recording
-        Table with a thickness column and a dose or time column.
+        Table with a column of thicknesses and a column of doses or times.
     options
-        Evaluation options; the irradiance converts times to doses.
+        Options of the evaluation; the irradiance converts times to doses.
 
     Raises
     ------
@@ -208,15 +206,15 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         If the table lacks these columns, or they determine no curve.
     """
     recording = stacked_replicates(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
-    table = discs(recording, options.irradiance_mW_per_cm2)
-    beside = refuse_unused(recording, options, (*table.columns, *REPEATS))
+    discs = discs_of(recording, options.irradiance_mW_per_cm2)
+    notes = refuse_unused(recording, options, (*discs.columns, *REPEATS))
     curve = working_curve(
-        table.dose,
-        table.thickness_um,
+        discs.dose,
+        discs.thickness_um,
         scatter=options.scatter,
         min_thickness_um=options.min_thickness_um,
         keep_all=options.keep_all,
-        rows=table.rows,
+        rows=discs.rows,
     )
     exposure = _exposure(curve, options)
     return MeasuredCurve(
@@ -228,73 +226,75 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         stack=None if exposure is None else _stack(curve.Dp_um, options),
         sources=(recording.provenance,),
         warnings=(
-            *_unusual(curve),
-            *(channel.caution for channel in recording.channels if channel.note and channel.name in table.columns),
-            *beside,
-            *table.warnings,
+            *_implausible(curve),
+            *(channel.caution for channel in recording.channels if channel.note and channel.name in discs.columns),
+            *notes,
+            *discs.warnings,
             *cautions(curve),
-            *_outside(curve, options.layer_um, exposure),
+            *_exposure_warnings(curve, options.layer_um, exposure),
         ),
     )
 
 
 def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the curve of the first recording, as `curve_of_discs` does, with the other curves for comparison."""
+    """Return the curve of the first recording, as from `curve_of_discs`, with the other curves for comparison."""
     first, *others = (curve_of_discs(recording, options) for recording in recordings)
-    fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
-    beside = tuple(
-        CurveBeside(**{name: getattr(one, name) for name in fields}, file=one.sources[0].file) for one in others
+    fields = [field.name for field in dataclasses.fields(ComparedCurve) if field.name != "file"]
+    compared = tuple(
+        ComparedCurve(**{name: getattr(curve, name) for name in fields}, file=curve.sources[0].file) for curve in others
     )
-    warnings = (*first.warnings, *(prefixed(one.file, text) for one in beside for text in one.warnings))
-    sources = (*first.sources, *(source for one in beside for source in one.sources))
-    return dataclasses.replace(first, beside=beside, warnings=warnings, sources=sources)
+    warnings = (*first.warnings, *(prefixed(curve.file, text) for curve in compared for text in curve.warnings))
+    sources = (*first.sources, *(source for curve in compared for source in curve.sources))
+    return dataclasses.replace(first, beside=compared, warnings=warnings, sources=sources)
 
 
-def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
-    """Return the curve with the law for the lamp's spectrum, and the effect of an exposure according to this law."""
+def with_spectral_law(curve: MeasuredCurve, fit: SpectralFit) -> MeasuredCurve:
+    """Return the curve with the spectral cure law, and the effect of an exposure according to this law."""
     exposure = None
     if curve.exposure is not None and curve.layer is not None:
         dose, layer_um = curve.exposure.dose_mJ_per_cm2, curve.layer.layer_um
-        inside = fit.interior_mean_mJ_per_cm2(dose, layer_um)
-        exposure = InLampExposure(
+        interior = fit.interior_mean_mJ_per_cm2(dose, layer_um)
+        exposure = SpectralExposure(
             cure_depth_um=float(fit.depth_um(dose)),
             print_through_many_layers_um=max(fit.print_through_um(dose, layer_um), 0.0),
-            interior_mean_mJ_per_cm2=inside,
-            interior_over_jacobs=inside * layer_um / (dose * curve.Dp_um),
+            interior_mean_mJ_per_cm2=interior,
+            interior_over_jacobs=interior * layer_um / (dose * curve.Dp_um),
         )
-    notes = []
+    warnings = []
     if fit.preferred == "spectrum":
-        notes = [
+        warnings = [
             warning(
-                f"the discs agree better with the law for the lamp's spectrum ({fit.rms_um:.2g} µm rms; Jacobs' law: "
-                f"{fit.jacobs_rms_um:.2g}): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; "
-                f"{curve.Dp_um:.3g} µm is valid only for discs of these thicknesses"
+                f"the discs agree better with the cure law for the lamp's spectrum ({fit.rms_um:.2g} µm RMS) than with "
+                f"Jacobs' law ({fit.jacobs_rms_um:.2g} µm RMS): Dp is {fit.Dp_um:.3g} µm at the surface and grows with "
+                f"depth; the {curve.Dp_um:.3g} µm of Jacobs' law are valid only for discs of these thicknesses"
             )
         ]
-    off = fit.Dp_um / fit.liquid_Dp_um - 1.0
-    if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
-        notes.append(
+    difference_um = abs(fit.Dp_um - fit.liquid_Dp_um)
+    if difference_um > max(_MAX_DP_DIFFERENCE * fit.liquid_Dp_um, 3.0 * fit.u_Dp_um):
+        warnings.append(
             warning(
-                f"at the surface, Dp is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the "
-                "liquid's absorbance"
+                f"Dp at the surface is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the "
+                "absorbance of the liquid: check the path length of the cell, the lamp's spectrum and the irradiance"
             )
         )
-    return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
+    return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *warnings))
 
 
 def _need(curve: WorkingCurve, options: CureOptions) -> LayerNeed | None:
     if options.layer_um is None:
         return None
-    depth_um, rate = options.overcure * options.layer_um, options.irradiance_mW_per_cm2
+    depth_um, irradiance = options.overcure * options.layer_um, options.irradiance_mW_per_cm2
     dose, interval = curve.dose_mJ_per_cm2(depth_um), curve.dose_interval95(depth_um)
-    timed = rate is not None and math.isfinite(dose)
+    has_time = irradiance is not None and math.isfinite(dose)
     return LayerNeed(
         layer_um=options.layer_um,
         overcure=options.overcure,
         needed_mJ_per_cm2=dose if math.isfinite(dose) else None,
         interval95_needed_mJ_per_cm2=interval,
-        needed_s=dose / rate if timed and rate else None,
-        interval95_needed_s=(interval[0] / rate, interval[1] / rate) if timed and rate and interval else None,
+        needed_s=dose / irradiance if has_time and irradiance else None,
+        interval95_needed_s=(interval[0] / irradiance, interval[1] / irradiance)
+        if has_time and irradiance and interval
+        else None,
     )
 
 
@@ -304,7 +304,7 @@ def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None
         return None
     depth, half = float(curve.depth_um(dose)), float(curve.half_width_um(dose))
     below = float(dose_below(dose, options.layer_um, curve.Dp_um))
-    through = stack_print_through_um(dose, options.layer_um, curve.Dp_um, curve.Ec_mJ_per_cm2)
+    print_through = stack_print_through_um(dose, options.layer_um, curve.Dp_um, curve.Ec_mJ_per_cm2)
     return LayerExposure(
         exposure_s=options.exposure_s,
         dose_mJ_per_cm2=dose,
@@ -314,12 +314,12 @@ def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None
         dose_below_mJ_per_cm2=below,
         dose_below_over_Ec=below / curve.Ec_mJ_per_cm2,
         print_through_um=max(depth - options.layer_um, 0.0),
-        print_through_many_layers_um=max(through, 0.0),
+        print_through_many_layers_um=max(print_through, 0.0),
     )
 
 
 def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
-    """Return the dose inside a part with these layers, by default with enough layers for a constant interior dose."""
+    """Return the dose inside a part, by default with enough layers for a constant interior dose."""
     if options.layer_um is None or options.exposure_s is None or options.irradiance_mW_per_cm2 is None:
         return None
     settled = stack_dose(Dp_um, options.layer_um, [1.0]).layers_to_99_percent
@@ -328,37 +328,37 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
     return stack_dose(Dp_um, options.layer_um, seconds * options.irradiance_mW_per_cm2)
 
 
-def _unusual(curve: WorkingCurve) -> list[Caution]:
-    """Warn if a unit is probably wrong."""
+def _implausible(curve: WorkingCurve) -> list[Caution]:
+    """Return a warning if a unit is probably wrong."""
     low, high = PLAUSIBLE_DP_UM
     if low <= curve.Dp_um <= high:
         return []
-    for factor_, what in ((1e3, "values in mm under a header in µm"), (1e-3, "values in µm under a header in mm")):
-        if low <= factor_ * curve.Dp_um <= high:
+    for factor, mistake in ((1e3, "values in mm under a header in µm"), (1e-3, "values in µm under a header in mm")):
+        if low <= factor * curve.Dp_um <= high:
             return [
                 do_not_use(
-                    f"the thicknesses look like {what}: Dp would be {factor_ * curve.Dp_um:.3g} µm instead of "
+                    f"the thicknesses look like {mistake}: Dp would be {factor * curve.Dp_um:.3g} µm instead of "
                     f"{curve.Dp_um:.3g} µm, which no printable resin has; correct the header"
                 )
             ]
     return [
         do_not_use(
-            f"Dp = {curve.Dp_um:.3g} µm does not fit a printable resin (tens to hundreds of µm): check the unit of the "
-            "thickness in the table's header"
+            f"Dp = {curve.Dp_um:.3g} µm is implausible for a printable resin (tens to hundreds of µm): check the unit "
+            "of the thickness in the header of the table"
         )
     ]
 
 
-def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
-    """Warn if a layer's exposure is outside the doses of the discs, or may not cure through the layer."""
+def _exposure_warnings(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
+    """Return warnings if the exposure is outside the doses of the discs, or may not cure through the layer."""
     if exposure is None or layer_um is None:
         return []
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
     if not lowest <= dose <= highest:
         warnings.append(
             warning(
-                f"an exposure of {dose:.3g} mJ/cm² is outside the discs' range, {lowest:.3g} to {highest:.3g} mJ/cm²: "
-                "its cure depth is an extrapolation"
+                f"an exposure of {dose:.3g} mJ/cm² is outside the doses of the discs, {lowest:.3g} to {highest:.3g} "
+                "mJ/cm²: its cure depth is an extrapolation"
             )
         )
     low, _ = exposure.interval95_cure_depth_um

@@ -1,16 +1,16 @@
-"""A layered print according to a working curve: depth, exposure, print-through, and the dose at a point.
+"""Doses in a print in layers, for Jacobs' law: cure depth, print-through, and the dose at any height.
 
-A layer is exposed from the window side, and the light that it does not absorb enters the layers printed before it. With
+A layer is exposed from its window side, and the light that it does not absorb enters the layers printed before it. With
 dose E per exposure, layer thickness h and penetration depth Dp, a point at a distance s from the window side of a layer
-receives E e^(-s/Dp) from the layer's own exposure. Each later exposure contributes less than the previous one by a
-factor q = e^(-h/Dp). Deep inside a part, the total is E e^(-s/Dp) / (1 - q), to which the later exposures contribute E
-/ (e^(h/Dp) - 1) at the window side. The mean over the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on
-which the index is measured. The last layers of a part receive less than the interior, and the dose has a gradient
-within each layer.
+receives E e^(-s/Dp) from the exposure of that layer. The contribution of each later exposure is smaller than that of
+the one before it by a factor q = e^(-h/Dp). Deep inside a part, the total is E e^(-s/Dp) / (1 - q), of which the later
+exposures contribute E / (e^(h/Dp) - 1) at the window side. The mean over the layer is E Dp/h, but only (E Dp/h) (1 - q)
+in a single layer, on which the index is measured. The last layers of a part receive less than the interior, and the
+dose has a gradient within each layer.
 
-Only light is counted: doses are summed regardless of rate and number of steps. Cured resin is assumed to absorb like
-the liquid, later exposures are assumed to illuminate the same place, and neither the platform nor the window reflects
-light.
+Doses are added regardless of irradiance and of the number of exposures. Cured resin is assumed to absorb like the
+liquid, all exposures are assumed to illuminate the same area, and reflection by the platform and the window is
+neglected.
 
 `cure_depth_um`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose` returns the dose inside a part.
 """
@@ -25,11 +25,11 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.results import reported
 
-_NEARLY = 0.99
+_SETTLED = 0.99
 
 
 def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
-    """Return the depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative if nothing sets."""
+    """Return the depth to which a dose in mJ/cm² cures resin, Dp ln(E/Ec); negative if nothing cures."""
     return np.asarray(Dp_um * np.log(np.asarray(dose, float) / Ec_mJ_per_cm2))
 
 
@@ -39,10 +39,10 @@ def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray
 
 
 def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per_cm2: float) -> float:
-    """Return how far resin sets beyond the first of many layers that are exposed above a gap; negative if none does.
+    """Return how far resin cures into a gap beyond the first of many layers; negative if none does.
 
-    Doses add up in the gap too: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more than below a
-    single exposure.
+    The doses of all layers add up in the gap: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more
+    than for a single exposure.
     """
     return float(cure_depth_um(dose / -math.expm1(-layer_um / Dp_um), Dp_um, Ec_mJ_per_cm2)) - layer_um
 
@@ -58,7 +58,7 @@ class StackDose:
     exposures_mJ_per_cm2
         Dose at the window for each layer, in the order of printing, shape (n,).
     window_side_mJ_per_cm2
-        Dose on the window side of each layer after the last exposure, shape (n,); this is the highest in the layer.
+        Dose on the window side of each layer after the last exposure, the highest in the layer, shape (n,).
     """
 
     layer_um: float
@@ -78,7 +78,7 @@ class StackDose:
 
     @reported
     def interior_mean_mJ_per_cm2(self) -> float:
-        """Mean dose of a layer far inside, E Dp/h, if every layer has the last layer's exposure E."""
+        """Mean dose of a layer far inside, E Dp/h, if every layer has the exposure E of the last layer."""
         return float(self.exposures_mJ_per_cm2[-1]) * self.Dp_um / self.layer_um
 
     @reported
@@ -89,7 +89,7 @@ class StackDose:
 
     @reported
     def single_layer_mean_mJ_per_cm2(self) -> float:
-        """Mean dose of a single layer with the last layer's exposure, as in an index measurement of one layer."""
+        """Mean dose of a single layer with the exposure of the last layer, as for a measurement of its index."""
         return float(self.exposures_mJ_per_cm2[-1]) * self._mean_of_window_side
 
     @reported
@@ -100,14 +100,14 @@ class StackDose:
     @reported
     def layers_to_99_percent(self) -> int:
         """Number of later layers after which a layer has received 99 % of the dose deep inside."""
-        return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
+        return math.ceil(round(-math.log(1.0 - _SETTLED) * self.Dp_um / self.layer_um, 9)) - 1
 
     @property
     def _mean_of_window_side(self) -> float:
         return -math.expm1(-self.layer_um / self.Dp_um) * self.Dp_um / self.layer_um
 
     def at(self, height_um: ArrayLike) -> FloatArray:
-        """Return the dose at heights above the part's first side, from 0 to n layer thicknesses.
+        """Return the dose at heights above the far side of the first layer, from 0 to n layer thicknesses.
 
         At the interface between two layers, the result is the dose on the far side of the later layer.
         """
@@ -137,8 +137,8 @@ def stack_dose(Dp_um: float, layer_um: float, exposures: ArrayLike) -> StackDose
         if not (np.size(values) and np.all(np.isfinite(values)) and np.all(np.asarray(values) > 0.0)):
             raise DataError(f"stack of layers: {name}", value=str(values), limit="must be above 0")
     q, window_side = math.exp(-layer_um / Dp_um), np.empty(len(doses))
-    through = 0.0
+    dose = 0.0
     for number in range(len(doses) - 1, -1, -1):
-        through = doses[number] + q * through
-        window_side[number] = through
+        dose = doses[number] + q * dose
+        window_side[number] = dose
     return StackDose(layer_um, Dp_um, doses, window_side)

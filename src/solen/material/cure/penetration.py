@@ -1,13 +1,12 @@
 """Penetration depth from an absorbance, at single wavelengths and for the spectrum of a lamp.
 
 A resin that transmits 10^(-A) through a path h attenuates light as e^(-z/Dp) with Dp = h/(A ln 10). A lamp emits many
-wavelengths, and with depth its light is increasingly composed of those that the resin absorbs least: the dose falls
-more slowly with depth, so no single Dp describes it. `Attenuation` computes the sum over the lamp's lines; its
-`local_um` is the penetration depth at a single depth, and `between_um` the slope of a working curve through discs with
-two thicknesses.
+wavelengths. With increasing depth, those that the resin absorbs least dominate and the light decays more slowly, so no
+single Dp describes it. `Attenuation` computes the sum over the lines of the lamp; its method `local_um` returns the
+penetration depth at one depth, and `between_um` the slope of a working curve through discs of two thicknesses.
 
-Only absorption is included. The Dp of a working curve also depends on how well each wavelength starts the cure, on
-bleaching and on the absorption of the cured resin: the two agree if these effects are small.
+Only absorption is modelled. The Dp of a working curve also depends on how efficiently each wavelength initiates the
+cure, on bleaching, and on the absorption of the cured resin: the two agree if these effects are small.
 
 `penetration_of` evaluates a recording, `penetration_depth_um` converts an absorbance to a depth, and `attenuation`
 describes a lamp's light in a resin.
@@ -33,13 +32,11 @@ from solen.results import HIDDEN, reported
 from solen.spec.strict import Above0, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
-"""Depths between which the slope of a working curve is reported: the paper's thinnest layer and its reported cure
-depth.
-"""
-_SATURATED = 3.0  # absorbance beyond the range of most instruments
-_OFFSET = 0.01  # relative change of Dp from an offset above which to warn
-_ALL_OFFSET = 0.5  # fraction of the absorbance above which an offset may explain all of it
-_BENT = 0.05  # relative change of Dp with depth above which to warn
+"""Depths between which the slope of a working curve is reported: the thinnest layer and the cure depth of the paper."""
+_MAX_ABSORBANCE = 3.0  # absorbance that most instruments can measure
+_MAX_OFFSET_EFFECT = 0.01  # relative change of Dp due to an offset, without a warning
+_MAX_OFFSET_FRACTION = 0.5  # fraction of the absorbance above which an offset may explain all of it
+_MAX_DP_CHANGE = 0.05  # relative change of Dp with depth, without a warning
 
 
 class PenetrationOptions(RowOptions):
@@ -48,7 +45,7 @@ class PenetrationOptions(RowOptions):
     path_um: Above0
     """Path length of the light through the liquid resin in µm."""
     led: str | None = None
-    """The printer's lamp: a part of the library, a part's .toml file, or a file with a measured spectrum."""
+    """Lamp of the printer: a part of the library, a part's .toml file, or a file with a measured spectrum."""
     led_nm: Above0 | None = None
     """Peak wavelength of the lamp in nm, instead of --led."""
     led_fwhm_nm: Above0 | None = None
@@ -58,66 +55,68 @@ class PenetrationOptions(RowOptions):
     u_absorbance: Above0 | None = None
     """Standard uncertainty of the absorbance, fully correlated between wavelengths."""
     absorbance: tuple[str, ...] = ()
-    """Name of a trace, if there are several; repeatable: the named traces are averaged."""
+    """Name of a trace of the absorbance, if there are several; repeatable: the named traces are averaged."""
 
     @model_validator(mode="after")
-    def _is_one_lamp(self) -> Self:
+    def _check_lamp(self) -> Self:
         if self.led is not None and (self.led_nm is not None or self.led_fwhm_nm is not None):
-            raise refused("led", "already names the lamp", remedy="omit --led-nm and --led-fwhm-nm")
+            raise refused("led", "already specifies the lamp", remedy="omit --led-nm and --led-fwhm-nm")
         if self.led_fwhm_nm is not None and self.led_nm is None:
-            raise refused("led_fwhm_nm", "needs the peak", remedy="add --led-nm")
+            raise refused("led_fwhm_nm", "requires the peak wavelength", remedy="add --led-nm")
         return self
 
     @property
     def lamp(self) -> Illuminant | None:
-        """Return the spectrum of the lamp; None if no lamp is named."""
+        """Spectrum of the lamp; None if no lamp is specified."""
         if self.led is not None:
             return named_light(self.led)
         if self.led_nm is None:
             return None
-        width = f", {self.led_fwhm_nm:g} nm wide" if self.led_fwhm_nm else ", one wavelength"
+        width = f", {self.led_fwhm_nm:g} nm wide" if self.led_fwhm_nm else ", single wavelength"
         return led(self.led_nm, self.led_fwhm_nm, f"peak at {self.led_nm:g} nm{width}")
 
 
 @dataclass(frozen=True, eq=False)
 class Attenuation:
-    """Attenuation of a lamp's light with depth.
+    """Attenuation of the light of a lamp with depth.
 
     Attributes
     ----------
     wavelength_nm, weight
-        Lines of the lamp, shape (n,), and their fractions of its power at the surface.
+        Wavelengths of the lamp's lines, and their fractions of its power at the surface, shape (n,).
     per_um
-        Absorbance of the resin per µm at each line, base e, shape (n,).
+        Absorption coefficient of the resin per µm at each line, base e, shape (n,).
     """
 
     wavelength_nm: FloatArray
     weight: FloatArray
     per_um: FloatArray
 
-    def share(self, depth_um: ArrayLike) -> FloatArray:
+    def transmitted(self, depth_um: ArrayLike) -> FloatArray:
         """Return the fraction of the light that reaches a given depth."""
         depth = np.asarray(depth_um, float)
         return np.asarray(np.exp(-depth[..., None] * self.per_um) @ self.weight)
 
     def local_um(self, depth_um: float = 0.0) -> float:
-        """Return the local penetration depth at a given depth: the light there divided by its rate of decrease."""
-        reached = self.weight * np.exp(-depth_um * (self.per_um - self._least))
-        return float(reached.sum() / (reached @ self.per_um))
+        """Return the local penetration depth at a given depth: the power there divided by its rate of decrease."""
+        power = self.weight * np.exp(-depth_um * (self.per_um - self._lowest))
+        return float(power.sum() / (power @ self.per_um))
 
     def between_um(self, upper_um: float, lower_um: float) -> float:
-        """Return the penetration depth of the exponential through two given depths."""
-        fall = self._ln_share(upper_um) - self._ln_share(lower_um)
-        return (lower_um - upper_um) / fall if fall > 0.0 else self.local_um(upper_um)  # too little attenuation
+        """Return the penetration depth of the exponential decay between two depths."""
+        decrease = self._ln_transmitted(upper_um) - self._ln_transmitted(lower_um)
+        return (
+            (lower_um - upper_um) / decrease if decrease > 0.0 else self.local_um(upper_um)
+        )  # 0 if it is rounded away
 
     @property
-    def _least(self) -> float:
+    def _lowest(self) -> float:
         return float(self.per_um.min())
 
-    def _ln_share(self, depth_um: float) -> float:
-        """Return the logarithm of `share`, even if `share` itself underflows."""
-        beside = self.weight @ np.exp(-depth_um * (self.per_um - self._least))
-        return math.log(float(beside)) - depth_um * self._least
+    def _ln_transmitted(self, depth_um: float) -> float:
+        """Return the logarithm of `transmitted`, even if that fraction underflows."""
+        relative = self.weight @ np.exp(-depth_um * (self.per_um - self._lowest))
+        return math.log(float(relative)) - depth_um * self._lowest
 
 
 class Penetration(Measured, kw_only=True):
@@ -128,13 +127,15 @@ class Penetration(Measured, kw_only=True):
     path_um
         Path length of the light through the resin, in µm.
     Dp_um, u_Dp_um
-        Penetration depth at the surface in the lamp's light, in µm, and its standard uncertainty; None without a lamp.
+        Penetration depth at the surface for the lamp's spectrum, in µm, and its standard uncertainty; None without a
+        lamp.
     between_Dp_um
-        Penetration depth of the exponential through two depths, comparable with a working curve of such discs, in µm.
+        Penetration depth of the exponential decay between two depths, in µm, for comparison with a working curve of
+        discs with these thicknesses.
     depths_um
         The two depths, in µm.
     lamp, lamp_nm
-        Origin of the lamp's spectrum, and its mean wavelength in nm; None without a lamp.
+        Source of the lamp's spectrum, and its mean wavelength in nm; None without a lamp.
     wavelength_nm, absorbance
         Absorbance, base 10, against wavelength, shape (n,).
     spectral_Dp_um
@@ -158,23 +159,23 @@ class Penetration(Measured, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...] | None:
-        """Power fraction of each line of the lamp, and its absorption over the mean at the surface; None if no lamp."""
+        """Fraction of the light in each line of the lamp, and its absorption relative to the mean at the surface."""
         from solen.material.cure.spectral import lamp_lines
 
         return None if self.attenuation is None else lamp_lines(self.attenuation)
 
 
 def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetration:
-    """Return the penetration depth against wavelength and, if a lamp is named, for its spectrum.
+    """Return the penetration depth against wavelength and, if a lamp is specified, for its spectrum.
 
     Raises
     ------
     DataError
-        If the recording contains no absorbance, or the lamp emits light that the resin does not absorb.
+        If the recording contains no absorbance, or the lamp emits where the absorbance is unknown or not positive.
     """
     light, path_um = options.lamp, options.path_um
     recording = chosen_rows(recording, options)
-    beside = refuse_unused(recording, options, (), labels_only=True)
+    notes = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, {"T": (), "R": (), "A": options.absorbance})
     absorbance, warnings = _absorbance(recording, spectra)
     nm = spectra.wavelength_nm
@@ -185,13 +186,15 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         spectral[absorbs] = penetration_depth_um(path_um, absorbance[absorbs])
     if decay is None:
         warnings.append(
-            warning("no lamp is named (--led-nm, --led-fwhm-nm or --led), so the result is for single wavelengths only")
+            warning(
+                "no lamp is specified (--led-nm, --led-fwhm-nm or --led), so the result is for single wavelengths only"
+            )
         )
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
     limits = note(
-        "this Dp describes the absorption of the liquid alone; a working curve's Dp also depends "
-        "on which wavelengths start the cure, and on changes while the resin sets"
+        "this Dp describes the absorption of the liquid alone; the Dp of a working curve also depends on how "
+        "efficiently each wavelength initiates the cure, and on changes of the absorption during the cure"
     )
     return Penetration(
         path_um=path_um,
@@ -206,7 +209,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         spectral_Dp_um=spectral,
         traces=next(iter(spectra.names.values())),
         sources=(recording.provenance,),
-        warnings=(*spectra.warnings, *beside, *warnings, limits),
+        warnings=(*spectra.warnings, *notes, *warnings, limits),
         attenuation=decay,
     )
 
@@ -224,7 +227,7 @@ def penetration_depth_um(path_um: float, absorbance: ArrayLike) -> FloatArray | 
     Raises
     ------
     DataError
-        If the path or an absorbance is not above 0.
+        If the path length or an absorbance is not above 0.
     """
     _check_path(path_um)
     per_um = np.asarray(absorbance, float) * math.log(10.0) / path_um
@@ -259,84 +262,94 @@ def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike,
     resin_nm, values = _sorted(wavelength_nm, absorbance)
     nm = light.wavelength_nm
     if nm[0] < resin_nm[0] or nm[-1] > resin_nm[-1]:
-        limit = f"the absorbance is available only from {resin_nm[0]:g} to {resin_nm[-1]:g} nm"
+        limit = f"the absorbance is known only from {resin_nm[0]:g} to {resin_nm[-1]:g} nm"
         raise DataError(
-            "lamp",
+            "spectrum of the lamp",
             value=f"{nm[0]:g} to {nm[-1]:g} nm",
             limit=limit,
-            remedy="measure the absorbance over the entire spectrum of the lamp",
+            remedy="measure the absorbance over the whole spectrum of the lamp",
         )
-    at = np.interp(nm, resin_nm, values)
-    if not np.all(at > 0.0):
-        limit = "absorbance must be above 0 wherever the lamp emits"
-        worst = int(np.argmin(at))
-        raise DataError(f"absorbance at {nm[worst]:.0f} nm", value=float(at[worst]), limit=limit)
-    return Attenuation(nm, light.share, at * math.log(10.0) / path_um)
+    lamp_absorbance = np.interp(nm, resin_nm, values)
+    if not np.all(lamp_absorbance > 0.0):
+        limit = "must be above 0 wherever the lamp emits"
+        lowest = int(np.argmin(lamp_absorbance))
+        raise DataError(f"absorbance at {nm[lowest]:.0f} nm", value=float(lamp_absorbance[lowest]), limit=limit)
+    return Attenuation(nm, light.weight, lamp_absorbance * math.log(10.0) / path_um)
 
 
 def _check_path(path_um: float) -> None:
     if not 0.0 < path_um < math.inf:
-        raise DataError("path", value=path_um, limit="must be above 0 µm")
+        raise DataError("path length", value=path_um, limit="must be above 0 µm")
 
 
 def _sorted(nm: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the pairs without NaN, by ascending wavelength; duplicate wavelengths are averaged."""
+    """Return the pairs without NaN in ascending order of wavelength; values at equal wavelengths are averaged."""
     x, y = np.asarray(nm, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     if not known.any():
-        raise DataError("absorbance", limit="holds no numbers")
-    unique, place = np.unique(x[known], return_inverse=True)
-    return unique, np.bincount(place, weights=y[known]) / np.bincount(place)
+        raise DataError("absorbance", limit="contains no numbers")
+    unique, position = np.unique(x[known], return_inverse=True)
+    return unique, np.bincount(position, weights=y[known]) / np.bincount(position)
 
 
 def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArray, list[Caution]]:
-    """Return the mean absorbance of the traces, base 10, with notes on its meaning."""
+    """Return the mean absorbance of the traces, base 10, with warnings about how it was determined."""
     if "A" in spectra.rows:
         names = spectra.names["A"]
         if any(recording.channel(name).quantity == "absorptance" for name in names):
+            limit = "is an absorptance (the absorbed fraction of the light), not an absorbance"
             remedy = "use −log10 T, which a spectrophotometer exports as absorbance"
-            raise DataError(", ".join(names), limit="is an absorptance, the fraction of light absorbed", remedy=remedy)
+            raise DataError(", ".join(names), limit=limit, remedy=remedy)
         return spectra.mean("A"), []
     if "T" not in spectra.rows:
-        raise DataError(recording.provenance.file, limit="holds no absorbance", remedy="name the column absorbance")
+        remedy = "name its column absorbance"
+        raise DataError(recording.provenance.file, limit="contains no absorbance", remedy=remedy)
     t = spectra.mean("T")
     with np.errstate(divide="ignore", invalid="ignore"):
         absorbance = np.where(t > 0.0, -np.log10(t), np.nan)
     return absorbance, [
-        warning("absorbance is −log10 of the transmittance: light reflected by the cell's faces counts as absorbed")
+        warning(
+            "the absorbance is computed as −log10 T: light that is reflected by the faces of the cell is treated as "
+            "absorbed"
+        )
     ]
 
 
 def _uncertainty(surface_um: float, options: PenetrationOptions) -> float | None:
-    """Return the standard uncertainty of the penetration depth at the surface; None if none is specified."""
+    """Return the standard uncertainty of the penetration depth at the surface; None if no uncertainty is specified."""
     if options.u_path_um is None and options.u_absorbance is None:
         return None
-    by_a = (options.u_absorbance or 0.0) * math.log(10.0) / options.path_um * surface_um
-    return surface_um * math.hypot((options.u_path_um or 0.0) / options.path_um, by_a)
+    relative_a = (options.u_absorbance or 0.0) * math.log(10.0) / options.path_um * surface_um
+    return surface_um * math.hypot((options.u_path_um or 0.0) / options.path_um, relative_a)
 
 
 def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, path_um: float) -> list[Caution]:
     warnings, surface, deep = [], decay.local_um(), decay.between_um(SHALLOW_UM, DEEP_UM)
-    if deep > (1.0 + _BENT) * surface:
+    if deep > (1.0 + _MAX_DP_CHANGE) * surface:
         warnings.append(
             warning(
-                f"the lamp's light does not decay exponentially: Dp is {surface:.3g} µm at the surface "
-                f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so a working curve bends upwards"
+                f"the light of the lamp does not decay exponentially: Dp is {surface:.3g} µm at the surface "
+                f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so the working curve is curved upwards"
             )
         )
     highest = float(decay.per_um.max()) * path_um / math.log(10.0)
-    if highest > _SATURATED:
-        warnings.append(warning(f"absorbance reaches {highest:.2g} in the lamp's light: use a shorter path"))
+    if highest > _MAX_ABSORBANCE:
+        warnings.append(
+            warning(
+                f"the absorbance reaches {highest:.2g} within the spectrum of the lamp, more than most instruments "
+                "can measure: use a shorter path"
+            )
+        )
     lowest = int(np.nanargmin(absorbance))
     offset = float(absorbance[lowest]) * math.log(10.0) / path_um * surface
-    if abs(offset) > _OFFSET:
-        change = "not determined at all"
-        if offset < _ALL_OFFSET:
-            change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
+    if abs(offset) > _MAX_OFFSET_EFFECT:
+        change = "undetermined"
+        if offset < _MAX_OFFSET_FRACTION:
+            change = f"{abs(offset) / (1.0 - offset):.0%} {'larger' if offset > 0.0 else 'smaller'}"
         warnings.append(
             warning(
                 f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if "
-                f"this value is an offset, for example from the cell's faces, Dp is {change}"
+                f"this value is an offset, for example due to the faces of the cell, Dp is {change}"
             )
         )
     return warnings

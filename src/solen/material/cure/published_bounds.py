@@ -1,11 +1,11 @@
-"""Bounds on a resin's working curve from published statements without data points.
+"""Bounds on the working curve of a resin from published statements without data points.
 
 "39 mJ/cm² cures more than 200 µm" is an inequality, Dp ln(39/Ec) > 200 µm, so for each penetration depth the critical
-dose is below 39 e^(-200/Dp). Several statements define a region of (Dp, Ec), not a value; they are consistent with any
-point in it. `PAPER` contains the statements of the paper that solen is built around (Cafiso et al., Methods: 13 mW/cm²;
-main text: depths), which does not report Dp and Ec themselves.
+dose is below 39 e^(-200/Dp). Several statements are consistent with all points (Dp, Ec) of a region; they determine no
+single point. `PAPER` contains the statements of the paper on which solen is based (Cafiso et al.; Methods: 13 mW/cm²;
+main text: depths), which does not report Dp and Ec.
 
-`largest_Ec` returns the bound from a set of `Statement`s, and `binding` the statement that sets the bound.
+`largest_Ec` returns the bound from several `Statement`s, and `binding` the statement that determines it.
 """
 
 import math
@@ -17,7 +17,7 @@ from solen.errors import DataError
 
 @dataclass(frozen=True)
 class Statement:
-    """A dose in mJ/cm² that cures at least to a depth, with the words of the source."""
+    """A dose in mJ/cm² that cures resin at least to a depth, with the words of the source."""
 
     dose_mJ_per_cm2: float
     depth_um: float

@@ -1,13 +1,13 @@
-"""The cure law for a lamp with a spectrum, compared with Jacobs' law.
+"""The spectral cure law, for a lamp that emits many wavelengths, compared with Jacobs' law.
 
-At depth z, the fraction e^(-z r/Dp) of each line of the lamp remains. Dp is the penetration depth at the surface, and r
-is the absorption of the line relative to the mean over all light there. Resin sets down to the depth C at which the
-remaining sum equals Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al.,
-Influence of spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both
-laws have two parameters, so their likelihoods can be compared directly.
+Of each line of the lamp, the fraction e^(-z r/Dp) reaches the depth z. Dp is the penetration depth at the surface, and
+r is the absorption of the line relative to the mean over all light there. Resin cures down to the depth C at which the
+total dose equals Ec: E Σ w e^(-C r/Dp) = Ec with the power fractions w, which is Jacobs' C = Dp ln(E/Ec) if all r are 1
+(Caplins et al., Influence of spectral bandwidth on the working curve in vat photopolymerization, Additive
+Manufacturing, 2024). Both laws have two parameters, so their likelihoods can be compared directly.
 
-`lamp_lines` reduces an `Attenuation` to a few lines, `left` and `depth` evaluate the law, and `in_lamp` fits it to
-discs.
+`lamp_lines` reduces an `Attenuation` to a few lines, `transmitted` and `depth` evaluate the law, and `fit_spectral_law`
+fits it to discs.
 """
 
 import math
@@ -21,72 +21,70 @@ from scipy.optimize import least_squares
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.cure.curve import WorkingCurve
+from solen.material.cure.curve import MIN_SCATTER_THICKNESS, WorkingCurve
 from solen.material.cure.penetration import Attenuation
 from solen.results import HIDDEN, Result, reported
 
 Lines = tuple[tuple[float, float], ...]
-"""For each line of a lamp, its fraction of the light at the surface, and its absorption over the mean there."""
+"""For each line of a lamp, its fraction of the light at the surface, and its absorption relative to the mean there."""
 ONE_LINE: Lines = ((1.0, 1.0),)
 MAX_LINES = 48
-SURE = 2.0
-"""The discs prefer a law if the logarithm of the likelihood ratio exceeds this value: 7 to 1."""
+MIN_LN_RATIO = 2.0
+"""The discs prefer a law if the logarithm of the likelihood ratio is at least this value: 7 to 1."""
 _MIN_DISCS = 5
-_POWERS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
-_STEPS = 60
+_EXPONENTS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
+_MAX_ITERATIONS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Return the lines of a lamp in a resin; similar lines are merged until at most `MAX_LINES` remain."""
+    """Return the lines of a lamp in a resin, merged into at most `MAX_LINES` lines by their absorption."""
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MAX_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MAX_LINES - 1)
-    share = np.bincount(bins, decay.weight, MAX_LINES)
-    taken = np.bincount(bins, decay.weight * decay.per_um, MAX_LINES)
-    total, mean = float(share.sum()), float(taken.sum() / share.sum())
-    return tuple(
-        (float(part) / total, float(loss / part) / mean) for part, loss in zip(share, taken, strict=True) if part > 0.0
-    )
+    power = np.bincount(bins, decay.weight, MAX_LINES)
+    absorbed = np.bincount(bins, decay.weight * decay.per_um, MAX_LINES)
+    total, mean = float(power.sum()), float(absorbed.sum() / power.sum())
+    return tuple((float(p) / total, float(a / p) / mean) for p, a in zip(power, absorbed, strict=True) if p > 0.0)
 
 
-def left(lines: Lines, depth: ArrayLike) -> FloatArray:
-    """Return the fraction of the light that remains at depths in units of the penetration depth at the surface."""
-    share, absorption = np.array(lines).T
-    return np.asarray(np.exp(-np.asarray(depth, float)[..., None] * absorption) @ share)
+def transmitted(lines: Lines, depth: ArrayLike) -> FloatArray:
+    """Return the fraction of the light that reaches depths in units of the penetration depth at the surface."""
+    fraction, absorption = np.array(lines).T
+    return np.asarray(np.exp(-np.asarray(depth, float)[..., None] * absorption) @ fraction)
 
 
-def depth(lines: Lines, ln_excess: ArrayLike) -> FloatArray:
-    """Return the cure depth, in units of the surface penetration depth, for logarithms of dose over critical dose.
+def depth(lines: Lines, ln_ratio: ArrayLike) -> FloatArray:
+    """Return the cure depth, in units of the penetration depth at the surface, from ln(dose / critical dose).
 
-    Newton's iteration acts on the logarithm of the remaining light, which is convex, so the iterates approach the root
-    from one side.
+    Newton's method is applied to the logarithm of the transmitted light, which is a convex function of depth, so the
+    iterates approach the root from one side.
     """
-    share, absorption = np.array(lines).T
-    wanted = np.asarray(ln_excess, float)
-    found = np.array(wanted)
-    for _ in range(_STEPS):
-        lit = share * np.exp(-found[..., None] * (absorption - absorption.min()))
-        whole = lit.sum(axis=-1)
-        step = (np.log(whole) - found * absorption.min() + wanted) * whole / (lit @ absorption)
-        found = found + step
-        if np.all(np.abs(step) <= 1e-12 * (1.0 + np.abs(found))):
+    fraction, absorption = np.array(lines).T
+    wanted = np.asarray(ln_ratio, float)
+    result = np.array(wanted)
+    for _ in range(_MAX_ITERATIONS):
+        power = fraction * np.exp(-result[..., None] * (absorption - absorption.min()))
+        total = power.sum(axis=-1)
+        step = (np.log(total) - result * absorption.min() + wanted) * total / (power @ absorption)
+        result = result + step
+        if np.all(np.abs(step) <= 1e-12 * (1.0 + np.abs(result))):
             break
-    return np.asarray(found)
+    return np.asarray(result)
 
 
-class InLamp(Result, kw_only=True):
-    """The law with the lamp's spectrum, fitted to the discs of a working curve.
+class SpectralFit(Result, kw_only=True):
+    """The spectral cure law, fitted to the discs of a working curve.
 
     Attributes
     ----------
     lamp
-        Origin of the spectrum.
+        Source of the spectrum.
     Dp_um, u_Dp_um, Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
-        Penetration depth at the surface, critical dose, and their standard uncertainties from the discs' scatter.
+        Penetration depth at the surface, critical dose, and their standard uncertainties from the scatter of the discs.
     liquid_Dp_um
-        Penetration depth at the surface from the liquid's absorbance.
+        Penetration depth at the surface from the absorbance of the liquid.
     rms_um, jacobs_rms_um
-        Root-mean-square residuals of the discs from this law, and from Jacobs' law.
+        RMS residuals of the discs from this law, and from Jacobs' law.
     ln_likelihood_ratio
         Logarithm of the likelihood ratio of this law to Jacobs' law, with unknown scatter.
     """
@@ -105,13 +103,13 @@ class InLamp(Result, kw_only=True):
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
         """The law that the discs prefer; None if they do not distinguish between the two."""
-        if abs(self.ln_likelihood_ratio) < SURE:
+        if abs(self.ln_likelihood_ratio) < MIN_LN_RATIO:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...]:
-        """Lines of the lamp for a print process: fraction of the light, and absorption over the surface mean."""
+        """Lines of the lamp for a print process: fraction of the light, and absorption relative to the surface mean."""
         return self.lines
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:
@@ -120,20 +118,20 @@ class InLamp(Result, kw_only=True):
 
     def interior_mean_mJ_per_cm2(self, dose: float, layer_um: float) -> float:
         """Return the mean dose far inside a part, given the dose of a layer: E Dp Σ (w/r) / h."""
-        share, absorption = np.array(self.lines).T
-        return float(dose * self.Dp_um / layer_um * (share / absorption).sum())
+        fraction, absorption = np.array(self.lines).T
+        return float(dose * self.Dp_um / layer_um * (fraction / absorption).sum())
 
     def print_through_um(self, dose: float, layer_um: float) -> float:
-        """Return how far resin sets beyond the first of many layers above a gap; negative if none does."""
-        share, absorption = np.array(self.lines).T
-        piled = share / -np.expm1(-absorption * layer_um / self.Dp_um)
-        total = float(piled.sum())
-        lines = tuple(zip((piled / total).tolist(), absorption.tolist(), strict=True))
+        """Return how far resin cures into a gap beyond the first of many layers; negative if none does."""
+        fraction, absorption = np.array(self.lines).T
+        accumulated = fraction / -np.expm1(-absorption * layer_um / self.Dp_um)
+        total = float(accumulated.sum())
+        lines = tuple(zip((accumulated / total).tolist(), absorption.tolist(), strict=True))
         return float(self.Dp_um * depth(lines, math.log(dose * total / self.Ec_mJ_per_cm2))) - layer_um
 
 
-def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -> InLamp:
-    """Fit the law with a spectrum to the discs that a working curve was fitted to.
+def fit_spectral_law(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -> SpectralFit:
+    """Fit the spectral cure law to the discs of a working curve.
 
     For each law, the scatter model (constant, or growing with thickness) is the one with the maximum likelihood.
 
@@ -145,22 +143,21 @@ def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -
     doses = np.array([disc.dose_mJ_per_cm2 for disc in curve.used])
     um = np.array([disc.thickness_um for disc in curve.used])
     if len(um) < _MIN_DISCS:
-        limit = f"at least {_MIN_DISCS} discs are needed to distinguish two laws"
-        raise DataError("--penetration", value=f"{len(um)} discs", limit=limit, remedy="cure more discs")
+        limit = f"requires at least {_MIN_DISCS} discs, but the table has {len(um)}"
+        raise DataError("--penetration", limit=limit, remedy="cure more discs")
     start = (math.log(curve.Dp_um), math.log(curve.Ec_mJ_per_cm2))
-    ours, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))
-    Dp, Ec = ours.Dp_um, ours.Ec
-    return InLamp(
+    spectral, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))
+    return SpectralFit(
         lamp=lamp,
         lines=lines,
-        Dp_um=Dp,
-        u_Dp_um=ours.u_Dp_um,
-        Ec_mJ_per_cm2=Ec,
-        u_Ec_mJ_per_cm2=ours.u_Ec,
+        Dp_um=spectral.Dp_um,
+        u_Dp_um=spectral.u_Dp_um,
+        Ec_mJ_per_cm2=spectral.Ec,
+        u_Ec_mJ_per_cm2=spectral.u_Ec,
         liquid_Dp_um=liquid_Dp_um,
-        rms_um=ours.rms_um,
+        rms_um=spectral.rms_um,
         jacobs_rms_um=jacobs.rms_um,
-        ln_likelihood_ratio=ours.ln_likelihood - jacobs.ln_likelihood,
+        ln_likelihood_ratio=spectral.ln_likelihood - jacobs.ln_likelihood,
     )
 
 
@@ -176,10 +173,10 @@ class _Fit:
 
 def _best(doses: FloatArray, um: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
     """Return the maximum-likelihood fit of a law over all scatter models."""
-    even = _residuals(doses, um, lines)
-    expected = um + even(np.asarray(least_squares(even, start, xtol=1e-12, ftol=1e-12).x))
-    expected = np.maximum(expected, 0.05 * um.max()) / um.max()
-    fits = (_fit(doses, um, expected**power, lines, start) for power in _POWERS)
+    residuals = _residuals(doses, um, lines)
+    expected = um + residuals(np.asarray(least_squares(residuals, start, xtol=1e-12, ftol=1e-12).x))
+    expected = np.maximum(expected, MIN_SCATTER_THICKNESS * um.max()) / um.max()
+    fits = (_fit(doses, um, expected**exponent, lines, start) for exponent in _EXPONENTS)
     return max(fits, key=lambda fit: fit.ln_likelihood)
 
 
@@ -192,10 +189,10 @@ def _residuals(doses: FloatArray, um: FloatArray, lines: Lines) -> Callable[[Flo
 
 def _fit(doses: FloatArray, um: FloatArray, sd: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
     """Fit discs whose scatter is proportional to ``sd``."""
-    away = _residuals(doses, um, lines)
+    residuals = _residuals(doses, um, lines)
 
     def weighted(values: FloatArray) -> FloatArray:
-        return away(values) / sd
+        return residuals(values) / sd
 
     fit = least_squares(weighted, start, xtol=1e-12, ftol=1e-12)
     count, squares = len(um), 2.0 * float(fit.cost)

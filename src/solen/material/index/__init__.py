@@ -1,8 +1,8 @@
 """The index of a printed layer: n and k with uncertainty from spectrophotometer or refractometer measurements.
 
-An index is never computed from a curve that carries no information about it. Each method of determining an index is a
+An index is never computed from data that contain no information about it. Each method of determining an index is a
 named route with documented assumptions; values that a route cannot determine are masked, with the reason. Wavelengths
-are in nm, thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
+are in nm and thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
 
 `index_of_layer` converts a recording to a `LayerIndex`. It uses the forward model in `solen.material.index.stack`; its
 exact inverse, in `solen.material.index.inversion` for a layer in air and in `solen.material.index.substrate` for a

@@ -1,11 +1,11 @@
-"""The model of a layer whose faces interfere: its parameters with their priors, and the spectra that they predict.
+"""The model of a layer with interference between its faces: its parameters with their priors, and the modelled spectra.
 
-Parameters with independent information have a prior: the thickness from a micrometer, the slit width from the
+Parameters that are known independently have a prior: the thickness from a micrometer, the slit width from the
 instrument, and the error of a 100 % reading from the specified accuracy. The variation of the thickness within the beam
-has only a wide prior. k is piecewise linear between knots, each at least 0. n is Cauchy's formula with three terms, one
-pole of Sellmeier's formula, or free (`solen.material.index.dispersion_form`).
+has only a wide prior. k is piecewise linear between knots and at least 0. n is Cauchy's formula with three terms,
+Sellmeier's formula with one pole, or free (`solen.material.index.dispersion_form`).
 
-`Measured` contains the readings and prior knowledge; `FilmModel` predicts the readings.
+`FilmReadings` contains the readings and prior knowledge; `FilmModel` predicts the readings.
 """
 
 from dataclasses import dataclass, field
@@ -22,40 +22,42 @@ from solen.material.index.reading import Length, Reading
 from solen.material.index.stack import Setup, incoherent
 from solen.units import NM_PER_UM
 
-SLIT_SHARE = 0.1
+U_SLIT = 0.1
 """Relative standard uncertainty of a specified slit width, which includes the uncertain shape of the slit function."""
 U_THICKNESS = 0.1
 """Relative standard uncertainty assumed for a thickness if none is specified."""
-_MAX_SPREAD, _MAX_SLIT_NM = 0.1, 20.0
-_BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
-_ADDED = 0.01  # the same for each curve of a free index
-_OTHER = 0.02  # relative standard uncertainty of the contrast from other causes than slit and thickness
-_KNOTS = 6
 STEP = 1e-30
-_STATED_U = 1e-3  # assumed uncertainty of readings until their scatter is known
-_BEYOND = 1.5  # ratio of variances above which the residuals exceed the scatter
-_BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase to be tried
-_TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of the phase to be tried
+"""Complex step for derivatives."""
+_MAX_THICKNESS_SD, _MAX_SLIT_NM = 0.1, 20.0
+_U_BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
+_U_ADDED = 0.01  # the same for each curve of a free index
+_U_CONTRAST = 0.02  # relative standard uncertainty of the contrast due to causes other than slit and thickness
+_KNOTS = 6
+_INITIAL_U = 1e-3  # assumed uncertainty of readings until their scatter is known
+_MAX_VARIANCE_RATIO = 1.5  # above which the residuals exceed the scatter
+_PHASE_SDS = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase to be tried
+_PHASE_HALF_RANGES = np.arange(0.0, 9.0, 0.7)  # half ranges of the phase to be tried
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class FilmReadings:
     """Readings of a layer, and prior knowledge of it.
 
     Attributes
     ----------
     wavelength_nm
-        Wavelengths, shape (n,), ascending.
+        Wavelengths in ascending order, shape (n,).
     readings
         ``T``, ``R`` or both.
     thickness
         Thickness from a micrometer; None if it was not measured.
     slit_nm
-        Slit width; None if it is not known.
+        Slit width; None if it is unknown.
     setup
-        Sheet under the layer; None in air. If the sheet was measured too, its index is the initial value in the fit.
+        Conditions of the measurement on a substrate; None in air. If the bare substrate was measured, its index in the
+        setup is the initial value of the fit.
     bare
-        ``T`` and ``R`` of the bare sheet in air.
+        ``T`` and ``R`` of the bare substrate in air.
     """
 
     wavelength_nm: FloatArray
@@ -67,19 +69,22 @@ class Measured:
 
 
 class FilmModel:
-    """Parameters of a layer and their predictions; ``names`` maps a name to its position in the parameter vector."""
+    """Parameters of a layer and the spectra that they predict.
+
+    ``names`` contains the positions of the parameters in the parameter vector, keyed by name.
+    """
 
     def __init__(
-        self, measured: Measured, level: float, optical_um: float, kind: Kind = "cauchy", *, coherent: bool = True
+        self, measured: FilmReadings, start_n: float, optical_um: float, kind: Kind = "cauchy", *, coherent: bool = True
     ) -> None:
         nm = measured.wavelength_nm
-        self.measured, self.level, self.optical_um = measured, level, optical_um
+        self.measured, self.start_n, self.optical_um = measured, start_n, optical_um
         self.coherent = coherent
         self.um = nm / NM_PER_UM
         x, ends = self.um**-2, (self.um[-1] ** -2, self.um[0] ** -2)
-        self.middle = (ends[0] + ends[1]) / 2.0
+        self.centre = (ends[0] + ends[1]) / 2.0
         self.half = max((ends[1] - ends[0]) / 2.0, 1e-12)
-        self.u = (x - self.middle) / self.half
+        self.u = (x - self.centre) / self.half
         u_per_nm = -2.0 * self.um**-3 / self.half / NM_PER_UM
         self.fringes = 2.0 * optical_um * (1.0 / self.um[0] - 1.0 / self.um[-1])
         self.form = DispersionForm.of(kind, self.u, u_per_nm, free_knots(self.fringes))
@@ -88,23 +93,23 @@ class FilmModel:
         names = ["n", "rise", "bend", "ln_optical", "slit", "rough", "wedge", "other"]
         if measured.setup is not None:
             names += ["sheet", "sheet_rise", "sheet_bend"] if measured.bare else ["sheet"]
-        names += [f"off_{kind}" for kind in measured.readings]
-        self.added = slice(len(names), len(names) + self.form.curves)
-        names += [f"added_{number}" for number in range(self.form.curves)]
-        self.names = {name: place for place, name in enumerate(names)}
+        names += [f"offset_{kind}" for kind in measured.readings]
+        self.added = slice(len(names), len(names) + self.form.count)
+        names += [f"added_{number}" for number in range(self.form.count)]
+        self.names = {name: position for position, name in enumerate(names)}
         self.first_k = len(names)
         self.last_k = len(names) + self.hats.shape[1]
         self.size = self.last_k + self.hats.shape[1] * bool(measured.bare)
-        self.blocks = {**measured.readings, **{f"bare_{kind}": one for kind, one in measured.bare.items()}}
-        self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in self.blocks}
+        self.blocks = {**measured.readings, **{f"bare_{kind}": reading for kind, reading in measured.bare.items()}}
+        self.scatter = {kind: np.full(nm.size, _INITIAL_U) for kind in self.blocks}
         common = {kind: np.mean((reading.u_common**2).sum(axis=0)) for kind, reading in measured.readings.items()}
-        self.u_off = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
+        self.u_offset = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
 
-    def start(self, phase: Phase) -> FloatArray:
-        """Return initial parameters from the fringes' phase, with the blur that fits the contrast best."""
+    def initial(self, phase: Phase) -> FloatArray:
+        """Return initial parameters from the phase of the fringes, with the blur that fits their contrast best."""
         p = np.zeros(self.size)
         slit = self.measured.slit_nm
-        values = {"n": self.level, "rise": self.level * phase.rise, "bend": self.level * phase.bend}
+        values = {"n": self.start_n, "rise": self.start_n * phase.rise, "bend": self.start_n * phase.bend}
         for name, value in values.items():
             p[self.names[name]] = value
         p[self.first_k :] = 0.05
@@ -112,22 +117,22 @@ class FilmModel:
 
     def cost(self, p: FloatArray) -> float:
         """Return the sum of squared weighted residuals."""
-        off = self.residuals(p)
-        return float(off @ off)
+        residuals = self.residuals(p)
+        return float(residuals @ residuals)
 
     def blurred(self, p: FloatArray, slit: float) -> FloatArray:
-        """Return the parameters with the best-fitting thickness variation from a small grid."""
+        """Return the parameters with a slit width and the best thickness variation of a small grid."""
         if not self.coherent:
             return p
-        middle = 4.0 * np.pi * self.optical_um * np.sqrt(self.middle)
-        places = [self.names[name] for name in ("slit", "rough", "wedge")]
-        tried = []
-        for rough in _BLURRED / middle:
-            for wedge in _TURNED / middle / np.sqrt(3.0):
+        phase = 4.0 * np.pi * self.optical_um * np.sqrt(self.centre)
+        positions = [self.names[name] for name in ("slit", "rough", "wedge")]
+        candidates = []
+        for rough in _PHASE_SDS / phase:
+            for wedge in _PHASE_HALF_RANGES / phase / np.sqrt(3.0):
                 q = p.copy()
-                q[places] = slit, rough, wedge
-                tried.append(np.clip(q, *self.bounds))
-        return min(tried, key=self.cost)
+                q[positions] = slit, rough, wedge
+                candidates.append(np.clip(q, *self.bounds))
+        return min(candidates, key=self.cost)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -136,11 +141,11 @@ class FilmModel:
         limits = {
             "n": (1.05, 4.5),
             "slit": (0.0, _MAX_SLIT_NM),
-            "rough": (0.0, _MAX_SPREAD),
-            "wedge": (0.0, _MAX_SPREAD),
+            "rough": (0.0, _MAX_THICKNESS_SD),
+            "wedge": (0.0, _MAX_THICKNESS_SD),
         }
-        for name, (least, most) in limits.items():
-            low[self.names[name]], high[self.names[name]] = least, most
+        for name, (minimum, maximum) in limits.items():
+            low[self.names[name]], high[self.names[name]] = minimum, maximum
         low[self.first_k :] = 0.0
         return low, high
 
@@ -154,13 +159,13 @@ class FilmModel:
         return self.optical_um * np.exp(p[self.names["ln_optical"]]) / p[self.names["n"]]
 
     def blur(self, p: Any) -> Blur:
-        """Return the loss of contrast, which is complete for a layer that is evaluated from its levels alone."""
+        """Return the causes of reduced contrast; if the model is incoherent, there are no fringes."""
         if not self.coherent:
             return Blur(0.0, 10.0)
         return Blur(*(p[self.names[name]] for name in ("slit", "rough", "wedge", "other")))
 
     def spectra(self, p: Any, blur: Blur | None = None) -> dict[str, Any]:
-        """Return the modelled instrument readings, by kind."""
+        """Return the modelled readings of the instrument, keyed by kind."""
         setup, nm = self.measured.setup, self.measured.wavelength_nm
         n, slope = self.index(p)
         k = self.k_unit * (self.hats @ p[self.first_k : self.last_k])
@@ -169,22 +174,23 @@ class FilmModel:
         if setup is not None:
             behind, dark = self.sheet(p, setup)
             sheet = (behind, dark, setup.substrate.thickness_um)
-        piece = layer(n, slope, k, self.thickness(p), nm, behind, blur or self.blur(p))
-        read = stacked(piece, sheet, nm, setup)
-        found = {kind: getattr(read, kind) + p[self.names[f"off_{kind}"]] for kind in self.measured.readings}
+        film = layer(n, slope, k, self.thickness(p), nm, behind, blur or self.blur(p))
+        read = stacked(film, sheet, nm, setup)
+        spectra = {kind: getattr(read, kind) + p[self.names[f"offset_{kind}"]] for kind in self.measured.readings}
         if sheet is not None and self.measured.bare:
-            alone = incoherent([sheet[0]], [sheet[1]], [sheet[2]], nm)
-            found["bare_T"] = alone.through + p[self.names["off_T"]]
-            found["bare_R"] = alone.front + p[self.names["off_R"]]
-        return found
+            bare = incoherent([sheet[0]], [sheet[1]], [sheet[2]], nm)
+            spectra["bare_T"] = bare.through + p[self.names["offset_T"]]
+            spectra["bare_R"] = bare.front + p[self.names["offset_R"]]
+        return spectra
 
     def sheet(self, p: Any, setup: Setup) -> tuple[Any, Any]:
-        """Return the index and extinction of the sheet, either as specified or as fitted."""
-        known = np.asarray(setup.substrate.n)
+        """Return the index and extinction of the sheet: as specified within its uncertainty, or as fitted."""
+        specified_n = np.asarray(setup.substrate.n)
         if not self.measured.bare:
-            return known + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n)), setup.substrate.k
+            u_n = np.asarray(setup.substrate.u_n)
+            return specified_n + p[self.names["sheet"]] * np.where(u_n > 0.0, u_n, 1e-9), setup.substrate.k
         n, rise, bend = (p[self.names[name]] for name in ("sheet", "sheet_rise", "sheet_bend"))
-        return known + n + rise * self.u + bend * self.u**2, 0.1 * self.k_unit * (self.hats @ p[self.last_k :])
+        return specified_n + n + rise * self.u + bend * self.u**2, 0.1 * self.k_unit * (self.hats @ p[self.last_k :])
 
     def residuals(self, p: Any) -> Any:
         """Return the weighted residuals of the readings, followed by those of the priors."""
@@ -195,41 +201,42 @@ class FilmModel:
 
     def prior(self, p: Any) -> Any:
         """Return the residuals of the priors, in standard uncertainties."""
-        at = {name: p[place] for name, place in self.names.items()}
-        bend = 1e-6 if self.form.kind == "sellmeier" else _BEND
-        rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MAX_SPREAD, at["wedge"] / _MAX_SPREAD]
-        rows.append(at["other"] / _OTHER)
+        values = {name: p[position] for name, position in self.names.items()}
+        u_bend = 1e-6 if self.form.kind == "sellmeier" else _U_BEND
+        rows = [values["bend"] / u_bend, *(p[self.added] / _U_ADDED)]
+        rows += [values[name] / _MAX_THICKNESS_SD for name in ("rough", "wedge")]
+        rows.append(values["other"] / _U_CONTRAST)
         if (thickness := self.measured.thickness) is not None:
             u = U_THICKNESS * thickness.um if thickness.u_um is None else max(thickness.u_um, 1e-4 * thickness.um)
             rows.append((self.thickness(p) - thickness.um) / u)
         slit = self.measured.slit_nm
-        rows.append(at["slit"] / _MAX_SLIT_NM if slit is None else (at["slit"] / slit - 1.0) / SLIT_SHARE)
-        if "sheet_bend" in at:
-            rows.append(at["sheet_bend"] / _BEND)
-        elif "sheet" in at:
-            rows.append(at["sheet"])
-        rows += [at[f"off_{kind}"] / u for kind, u in self.u_off.items()]
+        rows.append(values["slit"] / _MAX_SLIT_NM if slit is None else (values["slit"] / slit - 1.0) / U_SLIT)
+        if "sheet_bend" in values:
+            rows.append(values["sheet_bend"] / _U_BEND)
+        elif "sheet" in values:
+            rows.append(values["sheet"])
+        rows += [values[f"offset_{kind}"] / u for kind, u in self.u_offset.items()]
         return np.stack(rows)
 
     def slopes(self, p: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, computed by the complex-step method.
 
-        One step serves all knots of k, because each wavelength depends only on its own k.
+        A single step determines the derivatives for all knots of k, because each value depends only on the k at its
+        wavelength.
         """
-        one_by_one = np.zeros((self.residuals(p).size, self.first_k))
-        for place in range(self.first_k):
-            moved = p.astype(complex)
-            moved[place] += 1j * STEP
-            one_by_one[:, place] = self.residuals(moved).imag / STEP
-        return np.hstack(
-            [one_by_one, *(self._by_k(p, first) for first in range(self.first_k, p.size, self.hats.shape[1]))]
-        )
+        columns = []
+        for position in range(self.first_k):
+            shifted = p.astype(complex)
+            shifted[position] += 1j * STEP
+            columns.append(self.residuals(shifted).imag / STEP)
+        by_k = [self._slopes_by_k(p, first) for first in range(self.first_k, p.size, self.hats.shape[1])]
+        return np.column_stack([*columns, *by_k])
 
-    def _by_k(self, p: FloatArray, first: int) -> FloatArray:
+    def _slopes_by_k(self, p: FloatArray, first: int) -> FloatArray:
         points, knots = self.hats.shape
-        moved = p.astype(complex)
-        moved[first : first + knots] += 1j * STEP
-        by_k, count = self.residuals(moved).imag / STEP, len(self.blocks)
+        shifted = p.astype(complex)
+        shifted[first : first + knots] += 1j * STEP
+        by_k, count = self.residuals(shifted).imag / STEP, len(self.blocks)
         rows = np.zeros((by_k.size, knots))
         rows[: count * points] = np.tile(self.hats, (count, 1)) * by_k[: count * points, None]
         return rows
@@ -237,29 +244,29 @@ class FilmModel:
     def solve(self, p: FloatArray, steps: int = 25) -> tuple[FloatArray, float]:
         """Return the least-squares parameters from a start, and their sum of squares.
 
-        The Levenberg-Marquardt steps change only the free parameters, that is, those not at a bound that the step would
-        cross.
+        The Levenberg-Marquardt steps do not change parameters at a bound that the step would cross.
         """
         low, high = self.bounds
         p = np.clip(p, low, high)
-        off = self.residuals(p)
-        cost, damping = float(off @ off), 1e-3
+        residuals = self.residuals(p)
+        cost, damping = float(residuals @ residuals), 1e-3
         for _ in range(steps):
             slope = self.slopes(p)
-            pull = slope.T @ off
-            free = ~(((p <= low) & (pull > 0.0)) | ((p >= high) & (pull < 0.0)))
+            gradient = slope.T @ residuals
+            free = ~(((p <= low) & (gradient > 0.0)) | ((p >= high) & (gradient < 0.0)))
             normal = slope[:, free].T @ slope[:, free]
-            before = cost
+            previous_cost = cost
             for _ in range(6):
                 step = np.zeros(p.size)
-                step[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), pull[free])
-                moved = np.clip(p + step, low, high)
-                other = self.residuals(moved)
-                if float(other @ other) < cost:
-                    p, off, cost, damping = moved, other, float(other @ other), damping / 10.0
+                step[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient[free])
+                new_p = np.clip(p + step, low, high)
+                new_residuals = self.residuals(new_p)
+                new_cost = float(new_residuals @ new_residuals)
+                if new_cost < cost:
+                    p, residuals, cost, damping = new_p, new_residuals, new_cost, damping / 10.0
                     break
                 damping = max(10.0 * damping, 1e-4)
-            if before - cost < 0.01:
+            if previous_cost - cost < 0.01:
                 break
         return p, cost
 
@@ -267,84 +274,84 @@ class FilmModel:
         """Return parameters for fringes with orders higher by ``by`` and with phases as similar as possible."""
         names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
         shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
-        places = [names[name] for name in ("n", "rise", "bend")]
+        positions = [names[name] for name in ("n", "rise", "bend")]
         optical = self.optical_um * float(np.exp(p[names["ln_optical"]]))
-        paths = optical * p[places] / p[names["n"]] + shift
-        moved = p.copy()
-        moved[places[1:]] = p[names["n"]] * paths[1:] / paths[0]
-        moved[names["ln_optical"]] = np.log(paths[0] / self.optical_um)
-        return moved
+        paths = optical * p[positions] / p[names["n"]] + shift
+        shifted = p.copy()
+        shifted[positions[1:]] = p[names["n"]] * paths[1:] / paths[0]
+        shifted[names["ln_optical"]] = np.log(paths[0] / self.optical_um)
+        return shifted
 
-    def freed(self, p: FloatArray) -> "tuple[FilmModel, FloatArray]":
+    def with_free_index(self, p: FloatArray) -> "tuple[FilmModel, FloatArray]":
         """Return the same model with a free index, and its initial parameters."""
-        model = FilmModel(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
-        moved = np.insert(p, self.added.start, np.zeros(model.form.curves))
-        return model, moved
+        model = FilmModel(self.measured, self.start_n, self.optical_um, "free", coherent=self.coherent)
+        return model, np.insert(p, self.added.start, np.zeros(model.form.count))
 
     def phase_matched(self, p: FloatArray) -> FloatArray:
-        """Return parameters whose phases match the measured fringes, followed from their strongest part."""
+        """Return parameters whose phases match those of the measured fringes.
+
+        The phase difference is unwrapped and is between −π and π where the fringes are strongest.
+        """
         n, h = self.index(p)[0], self.thickness(p)
         width = max(5, round(2.0 * self.um.size / self.fringes))
         carrier = np.exp(-4j * np.pi * n * h / self.um)
-        spectra = self.spectra(p)
 
         def wave(values: dict[str, Any]) -> Any:
-            both = sum(values[kind] * (1.0 if kind == "T" else -1.0) for kind in self.measured.readings)
-            product = (both - uniform_filter1d(both, width)) * carrier
+            total = sum(values[kind] * (1.0 if kind == "T" else -1.0) for kind in self.measured.readings)
+            product = (total - uniform_filter1d(total, width)) * carrier
             return uniform_filter1d(product.real, width) + 1j * uniform_filter1d(product.imag, width)
 
         read = wave({kind: reading.value for kind, reading in self.measured.readings.items()})
-        turn = np.unwrap(np.angle(read * np.conj(wave(spectra))))
+        phase = np.unwrap(np.angle(read * np.conj(wave(self.spectra(p)))))
         weight = np.abs(read)[:, None]
-        turn -= 2.0 * np.pi * np.round(turn[np.argmax(weight)] / (2.0 * np.pi))
+        phase -= 2.0 * np.pi * np.round(phase[np.argmax(weight)] / (2.0 * np.pi))
         u = self.u
-        terms = np.column_stack([np.ones_like(u), u, u**2, self.form.waves])
-        found = np.linalg.lstsq(weight * terms, weight[:, 0] * turn * self.um / (4.0 * np.pi * h), rcond=None)[0]
-        moved = p.copy()
-        moved[self.names["ln_optical"]] += found[0] / p[self.names["n"]]
-        moved[[self.names["rise"], self.names["bend"]]] += found[1:3]
-        moved[self.added] += found[3:]
-        return moved
+        terms = np.column_stack([np.ones_like(u), u, u**2, self.form.curves])
+        change = np.linalg.lstsq(weight * terms, weight[:, 0] * phase * self.um / (4.0 * np.pi * h), rcond=None)[0]
+        matched = p.copy()
+        matched[self.names["ln_optical"]] += change[0] / p[self.names["n"]]
+        matched[[self.names["rise"], self.names["bend"]]] += change[1:3]
+        matched[self.added] += change[3:]
+        return matched
 
-    def misfits(self, p: FloatArray, widened: float = 1.0) -> bool:
-        """Whether the residuals exceed the scatter of repeats or, without repeats, whether neighbours correlate.
+    def block_residuals(self, p: FloatArray) -> dict[str, FloatArray]:
+        """Return measured minus modelled values of each reading."""
+        spectra = self.spectra(p)
+        return {kind: reading.value - spectra[kind] for kind, reading in self.blocks.items()}
 
-        ``widened`` is the largest `widening` still attributed to noise without repeats.
+    def has_misfit(self, p: FloatArray, max_factor: float = 1.0) -> bool:
+        """Whether the residuals exceed the scatter of the repeats or, without repeats, are correlated.
+
+        ``max_factor`` is the largest `variance_factor` that is attributed to noise if there are no repeats.
         """
-        spectra = self.spectra(p)
-        left = [float(np.mean((block.value - spectra[kind]) ** 2)) for kind, block in self.blocks.items()]
-        known = [float(np.mean(block.u_random**2)) for block in self.blocks.values()]
-        if any(known):
-            return any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
-        return self.widening(p) > widened
+        scatter = {kind: float(np.mean(reading.u_random**2)) for kind, reading in self.blocks.items()}
+        if any(scatter.values()):
+            return any(
+                0.0 < scatter[kind] < float(np.mean(residuals**2)) / _MAX_VARIANCE_RATIO
+                for kind, residuals in self.block_residuals(p).items()
+            )
+        return self.variance_factor(p) > max_factor
 
-    def widening(self, p: FloatArray) -> float:
-        """Return the factor that widens the variance if the residuals of neighbours are correlated."""
-        spectra, most = self.spectra(p), 1.0
-        for kind, reading in self.blocks.items():
-            off = reading.value - spectra[kind]
-            rho = float(np.sum(off[1:] * off[:-1]) / max(np.sum(off**2), 1e-300))
-            if rho > 2.33 / np.sqrt(off.size):
-                most = max(most, (1.0 + min(rho, 0.9)) / (1.0 - min(rho, 0.9)))
-        return most
+    def variance_factor(self, p: FloatArray) -> float:
+        """Return the factor on the variance that accounts for a correlation of neighbouring residuals."""
+        factor = 1.0
+        for residuals in self.block_residuals(p).values():
+            rho = float(np.sum(residuals[1:] * residuals[:-1]) / max(np.sum(residuals**2), 1e-300))
+            if rho > 2.33 / np.sqrt(residuals.size):
+                factor = max(factor, (1.0 + min(rho, 0.9)) / (1.0 - min(rho, 0.9)))
+        return factor
 
-    def likelihood(self, p: FloatArray) -> float:
+    def log_likelihood(self, p: FloatArray) -> float:
         """Return the log-likelihood of the readings with unknown scatter, up to a constant."""
-        spectra = self.spectra(p)
-        off = [reading.value - spectra[kind] for kind, reading in self.blocks.items()]
-        return -0.5 * float(sum(one.size * np.log(np.mean(one**2)) for one in off))
+        residuals = self.block_residuals(p).values()
+        return -0.5 * float(sum(block.size * np.log(np.mean(block**2)) for block in residuals))
 
-    def weigh(self, p: FloatArray) -> None:
-        """Set the scatter of the readings to that of the residuals, or of the repeats if theirs is larger."""
-        spectra = self.spectra(p)
-        for kind, reading in self.blocks.items():
-            off = reading.value - spectra[kind]
-            freedom = max(off.size - self.size / len(self.blocks), off.size / 4.0)
-            self.scatter[kind] = np.maximum(max(float(np.sqrt(np.sum(off**2) / freedom)), 1e-9), reading.u_random)
-
-
-def _unit(u: FloatArray) -> FloatArray:
-    return np.where(u > 0.0, u, 1e-9)
+    def set_scatter(self, p: FloatArray) -> None:
+        """Set the scatter of the readings to that of the residuals, or to that of the repeats if it is larger."""
+        for kind, residuals in self.block_residuals(p).items():
+            df = max(residuals.size - self.size / len(self.blocks), residuals.size / 4.0)
+            sd = max(float(np.sqrt(np.sum(residuals**2) / df)), 1e-9)
+            self.scatter[kind] = np.maximum(sd, self.blocks[kind].u_random)
 
 
 def _hats(nm: FloatArray, count: int) -> FloatArray:

@@ -1,6 +1,6 @@
-"""A layer in air and its inverse, computed with fifty digits, one wavelength at a time, from the formulas as published.
+"""Forward model of a layer in air and its inverse with fifty digits, for one wavelength, by the formulas as published.
 
-The code optimises neither speed nor rounding, which fifty digits make unnecessary. `forward` in
+With fifty digits, rounding errors need no care, and the code is not optimised for speed. `forward` in
 `solen.material.index.stack` and `solen.material.index.inversion` are tested against it.
 """
 
@@ -25,9 +25,12 @@ def layer(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> 
 def index(
     reflectance: Number, transmittance: Number, thickness_um: Number, wavelength_nm: Number
 ) -> tuple[Decimal, Decimal]:
-    """Return R_F, k and n of a layer with R and T, from the formulas as published by Nichelatti (2002) and the paper.
+    """Return n and k of a layer with R and T, from the formulas as published by Nichelatti (2002) and in the paper.
 
-    Raise `ArithmeticError` if a logarithm or a root has no value.
+    Raises
+    ------
+    ArithmeticError
+        If a logarithm or a root has no value.
     """
     with localcontext(prec=DIGITS):
         r, t = Decimal(reflectance), Decimal(transmittance)

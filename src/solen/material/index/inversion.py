@@ -1,4 +1,4 @@
-"""Inversion of R and T of a free-standing layer to n and k: exact, stable, with exact derivatives.
+"""Inversion of R and T of a free-standing layer to n and k: numerically stable, with exact derivatives.
 
 The published formulas subtract nearly equal numbers: in R_F = (B − S)/(2(2 − R)) at small R, and in R − R_F if little
 light is transmitted. Both have forms without a difference. With c = R(2 − R),
@@ -7,13 +7,13 @@ light is transmitted. Both have forms without a difference. With c = R(2 − R),
     k = −λ ln τ / (4πh), n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
 
 where all sums have positive terms. R + T > 1 is equivalent to τ > 1 and gives a negative k, which is returned
-unchanged, to be judged by its uncertainty. n depends only on k² and remains meaningful in this case.
+unchanged, for comparison with its uncertainty. n depends only on k² and remains meaningful in this case.
 
 The square root has two signs. The other index with the same R_F and k is (1 + k²)/n: below 1 and irrelevant if k is
-small, but a real alternative inside strong absorption bands.
+small, but possible inside strong absorption bands.
 
-`invert` returns an `Inverted`; `invert_many` returns the same n and k for data that exceed the memory; and `slopes`
-returns the derivatives with respect to R, T and h.
+`invert` returns an `AirInversion`; `invert_many` returns the same n and k for large arrays; and `slopes` returns the
+derivatives with respect to R, T and h.
 """
 
 import os
@@ -30,23 +30,23 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.material.index.stack import optical_depth
 
-_IN_BLOCKS: dict[str, Any] = {
+_BLOCKS: dict[str, Any] = {
     "flags": ["external_loop", "buffered", "zerosize_ok"],
     "op_flags": [["readonly"]] * 3 + [["writeonly"]] * 2,
     "order": "C",
-    "buffersize": 1 << 13,  # numbers at a time: intermediate arrays fit in the cache of a core
+    "buffersize": 1 << 13,  # numbers per block: intermediate arrays fit in the cache of a core
 }
-MUCH = 1 << 20  # numbers above which a call uses several cores
+MIN_PARALLEL_SIZE = 1 << 20  # number of values above which a call uses several cores
 
 
 @dataclass(frozen=True, eq=False)
-class Inverted:
-    """Index of a layer in air from R and T, with only missing values masked; all arrays have the same shape.
+class AirInversion:
+    """Index of a layer in air from R and T, without masks; all arrays have the same shape.
 
     Attributes
     ----------
     n, k
-        Refractive index and extinction coefficient. NaN if no layer has these R and T; k is negative if R + T > 1.
+        Refractive index and extinction coefficient; NaN if no layer has these R and T; k is negative if R + T > 1.
     other_n
         The second index that fits equally well, (1 + k²)/n.
     face
@@ -63,35 +63,13 @@ class Inverted:
 
 
 Slopes = Mapping[str, FloatArray]
-"""Derivatives by input: ``T``, ``R``, ``thickness_um`` and, on a substrate, the sheet's properties."""
-
-
-@dataclass(frozen=True, eq=False)
-class Inverse:
-    """n and k with their derivatives; arrays of shape (wavelengths,), NaN if there is no value.
-
-    Attributes
-    ----------
-    n, k
-        Index and extinction coefficient; k is negative if more light came out than went in.
-    other_n
-        The second index that fits the same readings.
-    n_by, k_by
-        Derivatives with respect to ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (if the layer's index was
-        specified) and the substrate's properties: ``sheet_n``, ``sheet_k``, ``sheet_um``.
-    """
-
-    n: FloatArray
-    k: FloatArray
-    other_n: FloatArray
-    n_by: Slopes
-    k_by: Slopes
+"""Derivatives keyed by input: ``T``, ``R``, ``thickness_um`` and, on a substrate, the properties of the sheet."""
 
 
 def invert(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
-) -> Inverted:
-    """Return the index and extinction coefficient of a layer in air with known R and T, at normal incidence.
+) -> AirInversion:
+    """Return the index and extinction coefficient of a layer in air from R and T at normal incidence.
 
     Parameters
     ----------
@@ -103,7 +81,7 @@ def invert(
     r, t, depth = _broadcast(reflectance, transmittance, optical_depth(thickness_um, wavelength_nm))
     with np.errstate(all="ignore"):  # undefined values become NaN
         face, tau, k, n = _inverted(r, t, 1.0 / depth)
-        return Inverted(n, k, (1.0 + k**2) / n, face, tau)
+        return AirInversion(n, k, (1.0 + k**2) / n, face, tau)
 
 
 def invert_many(
@@ -113,7 +91,7 @@ def invert_many(
     wavelength_nm: ArrayLike,
     out: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return n and k as `invert` does, block by block on all cores, with little memory in addition to the results.
+    """Return the n and k of `invert`, computed in blocks on all cores, with little memory in addition to the results.
 
     Parameters
     ----------
@@ -122,19 +100,19 @@ def invert_many(
     out
         Arrays with the broadcast shape of the inputs, into which n and k are written to reuse memory.
     """
-    arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
-    n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
+    inputs = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
+    n, k = out or (np.empty(inputs[0].shape), np.empty(inputs[0].shape))
     parts = _parts(n.shape)
-    with ThreadPoolExecutor(len(parts)) as pool:  # numpy releases Python's lock while it computes
-        for done in [pool.submit(_invert_into, *(one[part] for one in (*arguments, n, k))) for part in parts]:
-            done.result()
+    with ThreadPoolExecutor(len(parts)) as pool:  # numpy releases the interpreter lock while it computes
+        for task in [pool.submit(_invert_into, *(array[part] for array in (*inputs, n, k))) for part in parts]:
+            task.result()
     return n, k
 
 
 def slopes(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> tuple[Slopes, Slopes]:
-    """Return the exact derivatives of the n and k that `invert` computes from the same arguments.
+    """Return the exact derivatives of the n and k of `invert` for the same arguments.
 
     They follow from the quadratic equations that R_F and τ solve, (2 − R) R_F² − (2 + T² − (1 − R)²) R_F + R = 0 and
     R_F² T τ² + (1 − R_F)² τ − T = 0.
@@ -142,26 +120,26 @@ def slopes(
     r, t, h, depth = _broadcast(reflectance, transmittance, thickness_um, optical_depth(thickness_um, wavelength_nm))
     with np.errstate(all="ignore"):
         face, tau, k, n = _inverted(r, t, 1.0 / depth)
-        once, root = 1.0 - face, n - (1.0 + face) / (1.0 - face)
+        through, root = 1.0 - face, n - (1.0 + face) / (1.0 - face)
         face_by_r = (1.0 - face**2 - 2.0 * (1.0 - r) * face) / _s(r, t)
         face_by_t = -2.0 * t * face / _s(r, t)
-        d = np.hypot(once**2, 2.0 * face * t)
-        log_by_face = 2.0 * (once - face * t * tau) / d
+        d = np.hypot(through**2, 2.0 * face * t)
+        log_by_face = 2.0 * (through - face * t * tau) / d
         log_by_t = (1.0 - (face * tau) ** 2) / (d * tau) + log_by_face * face_by_t
         k_by_r, k_by_t, k_by_h = -log_by_face * face_by_r / depth, -log_by_t / depth, -k / h
-        n_by_face = 2.0 / once**2 + 2.0 * (1.0 + face) / (once**3 * root)
+        n_by_face = 2.0 / through**2 + 2.0 * (1.0 + face) / (through**3 * root)
         n_by_k = -k / root
     n_by = {"R": n_by_face * face_by_r + n_by_k * k_by_r, "T": n_by_face * face_by_t + n_by_k * k_by_t}
     return n_by | {"thickness_um": n_by_k * k_by_h}, {"R": k_by_r, "T": k_by_t, "thickness_um": k_by_h}
 
 
 def _parts(shape: tuple[int, ...]) -> list[tuple[slice | EllipsisType, ...]]:
-    """Return slices of the first axis, one per core; a single one if there is little to compute."""
+    """Return slices of the first axis, one per core, or a single one for a small array."""
     rows = shape[0] if shape else 0
-    pieces = min(rows, os.cpu_count() or 1) if np.prod(shape) > MUCH else 1
-    if pieces < 2:
+    count = min(rows, os.cpu_count() or 1) if np.prod(shape) > MIN_PARALLEL_SIZE else 1
+    if count < 2:
         return [(...,)]
-    edges = [rows * piece // pieces for piece in range(pieces + 1)]
+    edges = [rows * number // count for number in range(count + 1)]
     return [(slice(low, high),) for low, high in pairwise(edges)]
 
 
@@ -169,9 +147,9 @@ def _invert_into(
     reflectance: FloatArray, transmittance: FloatArray, per_depth: FloatArray, n: FloatArray, k: FloatArray
 ) -> None:
     operands = [reflectance, transmittance, per_depth, n, k]
-    with np.errstate(all="ignore"), np.nditer(operands, **_IN_BLOCKS) as blocks:
-        for r, t, per, out_n, out_k in blocks:
-            _, _, out_k[...], out_n[...] = _inverted(r, t, per)
+    with np.errstate(all="ignore"), np.nditer(operands, **_BLOCKS) as blocks:
+        for r, t, depth, out_n, out_k in blocks:
+            _, _, out_k[...], out_n[...] = _inverted(r, t, depth)
 
 
 def _inverted(
@@ -182,19 +160,19 @@ def _inverted(
     if not possible.all():
         r = np.where(possible, r, np.nan)
     face = 2.0 * r / (1.0 + r * (2.0 - r) + t * t + _s(r, t))
-    once = 1.0 - face
-    once2, twice = once * once, 2.0 * face * t
-    tau = 2.0 * t / (once2 + np.sqrt(once2 * once2 + twice * twice))
+    through = 1.0 - face
+    square, product = through * through, 2.0 * face * t
+    tau = 2.0 * t / (square + np.sqrt(square * square + product * product))
     k = -np.log(tau) * per_depth
-    lost = k * once
-    return face, tau, k, (1.0 + face + np.sqrt(4.0 * face - lost * lost)) / once
+    scaled_k = k * through
+    return face, tau, k, (1.0 + face + np.sqrt(4.0 * face - scaled_k * scaled_k)) / through
 
 
 def _s(r: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the square root in the formula for R_F."""
-    t2, past = t * t, 1.0 - r
-    past2 = past * past
-    return np.asarray(np.sqrt(past2 * past2 + t2 * (2.0 + 2.0 * r * (2.0 - r) + t2)))
+    """Return the square root S in the formula for R_F."""
+    t2, remaining = t * t, 1.0 - r
+    remaining2 = remaining * remaining
+    return np.asarray(np.sqrt(remaining2 * remaining2 + t2 * (2.0 + 2.0 * r * (2.0 - r) + t2)))
 
 
 def _broadcast(*values: ArrayLike) -> list[FloatArray]:

@@ -1,8 +1,8 @@
 """The index of a printed layer, from a recording of its spectra to n and k against wavelength.
 
-The route follows from the spectra that were measured, unless one is requested; the published formulas are used only on
-request. Every form of the result reports its limits: a masked value is null with the reason next to it, and each
-unspecified property of the instrument or the layer causes a warning.
+By default, the route follows from the spectra that were measured; the published formulas are used only on request.
+Masked values are null, with the reason in `LayerIndex.reason`, and each unspecified property of the instrument or the
+layer causes a warning.
 
 `index_of_layer` evaluates a recording with `IndexOptions` and returns a `LayerIndex`.
 """
@@ -18,8 +18,8 @@ from solen.material.index import routes
 from solen.material.index.fit import Fit
 from solen.material.index.formula import formula_through, smoothed_scatter
 from solen.material.index.fringes import fringe_warnings
-from solen.material.index.illuminant import Evaluated, formula_in, index_in, lines, named_light
-from solen.material.index.interference import JOINT, MODE, Interference, fringed, fringes_of
+from solen.material.index.illuminant import EvaluatedIndex, formula_in, index_in, lines, named_light
+from solen.material.index.interference import JOINT, MODE, Interference, fringes_of, index_from_fringes
 from solen.material.index.inversion import invert
 from solen.material.index.literature import Band, band, check_dispersion, check_index
 from solen.material.index.lossless_index import lossless_index
@@ -37,8 +37,8 @@ from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
 from solen.results import HIDDEN
 
-_ABOVE = 0.02  # fraction of wavelengths with T > 1 above which a substrate baseline is suspected
-_MAX_UNUSED = 3  # largest number of unused traces that are named
+_MAX_ABOVE_1 = 0.02  # fraction of wavelengths with T > 1 above which a substrate baseline is suspected
+_MAX_UNUSED = 3  # maximum number of unused traces that are named
 
 
 class LayerIndex(Measured, kw_only=True):
@@ -55,11 +55,11 @@ class LayerIndex(Measured, kw_only=True):
     baseline
         Reference for 100 % transmittance, air or substrate.
     bandwidth_nm
-        Spectral bandwidth of the instrument, in nm.
+        Spectral bandwidth of the instrument, in nm; None if unknown.
     options
         The options.
     wavelength_nm
-        Wavelengths, ascending, in nm.
+        Wavelengths in nm, in ascending order.
     n, u_n
         Refractive index and its standard uncertainty.
     u_random_n, u_common_n
@@ -69,15 +69,15 @@ class LayerIndex(Measured, kw_only=True):
     k, u_k
         Extinction coefficient and its standard uncertainty.
     interval95_k
-        95 % bounds of k ≥ 0, shape (n, 2); also available where k is masked as not resolved.
+        95 % bounds of k, given that k ≥ 0, shape (n, 2); also available where k is masked as not resolved.
     correlation_n_k
-        Correlation of the errors of n and of k.
+        Correlation of the errors of n and k.
     reason
         Why n or k is masked at a wavelength; null if neither is.
     masked_n, masked_k
-        Number of wavelengths at which n and k, respectively, are masked.
+        Number of wavelengths at which n is masked, and at which k is masked.
     lossless_n, u_lossless_n
-        Index from T alone assuming k = 0, and its standard uncertainty.
+        Index from T alone, assuming k = 0, and its standard uncertainty.
     T, R
         Transmittance and reflectance used, as fractions.
     fit
@@ -87,9 +87,9 @@ class LayerIndex(Measured, kw_only=True):
     at
         n at the requested wavelengths.
     led
-        n in the light of the requested emitter.
+        n for the light of the requested emitter.
     fit_at, fit_led
-        The same values from the formula.
+        The same indices from the formula.
     traces
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n
@@ -123,10 +123,10 @@ class LayerIndex(Measured, kw_only=True):
     R: FloatArray
     fit: Fit | None
     literature: Band | None
-    at: tuple[Evaluated, ...]
-    led: Evaluated | None
-    fit_at: tuple[Evaluated, ...]
-    fit_led: Evaluated | None
+    at: tuple[EvaluatedIndex, ...]
+    led: EvaluatedIndex | None
+    fit_at: tuple[EvaluatedIndex, ...]
+    fit_led: EvaluatedIndex | None
     traces: Mapping[str, tuple[str, ...]]
     repeats_nm: float | None
     repeats_lossless_n: FloatArray | None
@@ -142,26 +142,26 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     DataError, SpecError
         If traces must be selected, required information is missing, or no index follows from the measurement.
     """
-    chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
+    traces = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
     recording = chosen_rows(recording, options)
-    beside = refuse_unused(recording, options, (), labels_only=True)
-    spectra = optical_spectra(recording, chosen)
+    column_notes = refuse_unused(recording, options, (), labels_only=True)
+    spectra = optical_spectra(recording, traces)
     check_plausibility(spectra.rows, spectra.names)
-    bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
-    spectrum, interference = _interfering(recording, spectra, options, bandwidth_nm)
+    bandwidth_nm = options.bandwidth_nm or _bandwidth_nm(recording)
+    spectrum, interference = _from_fringes(recording, spectra, options, bandwidth_nm)
     if spectrum is None:
-        spectrum = _routed(spectra, options)
+        spectrum = _by_route(spectra, options)
     fit, fit_warnings = formula_through(spectrum, options.fit, options.terms)
     literature, literature_warnings = _literature(spectrum, options)
     at = [lines([nm], [1.0]) for nm in options.at_nm]
     led = None if options.led is None else named_light(options.led)
     repeats_nm, repeats_n = _repeats(spectra) if spectrum.mode not in {MODE, JOINT} else (None, None)
-    repeats = (
+    repeats_notes = (
         []
         if repeats_n is None
         else [
             note(
-                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in order: "
+                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in the order of measurement: "
                 f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
             )
         ]
@@ -205,10 +205,10 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         warnings=(
             *spectrum.warnings,
             *spectra.warnings,
-            *beside,
-            *_other_baseline(spectra, options),
-            *repeats,
-            *_about_instrument(spectrum, spectra, options, bandwidth_nm),
+            *column_notes,
+            *_baseline_warnings(spectra, options),
+            *repeats_notes,
+            *_instrument_warnings(spectrum, spectra, options, bandwidth_nm),
             *literature_warnings,
             *fit_warnings,
         ),
@@ -216,7 +216,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     )
 
 
-def _interfering(
+def _from_fringes(
     recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
     """Return the index from the fringes of T and R, if detected or requested; otherwise None for both.
@@ -224,52 +224,54 @@ def _interfering(
     Raises
     ------
     DataError, SpecError
-        If fringes are requested but absent, or present but another route is requested.
+        If fringes are requested but absent, or present although another route is requested.
     """
-    added = options.mode in {"as-published", "absorptance"}
-    if added and options.dispersion is not None:
+    ignores_fringes = options.mode in {"as-published", "absorptance"}
+    if ignores_fringes and options.dispersion is not None:
         raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="omit it")
-    if added or not {"T", "R"} & spectra.rows.keys():
+    if ignores_fringes or not {"T", "R"} & spectra.rows.keys():
         return None, None
     thickness = None if options.thickness_um is None else options.thickness
     kinds = [kind for kind in ("T", "R") if kind in spectra.rows and not (kind == "R" and options.mode == "lossless")]
     nm, readings = spectra.wavelength_nm, {kind: _reading(spectra, options, kind) for kind in kinds}
-    phases = fringes_of(nm, {kind: one.value for kind, one in readings.items()}, thickness)
+    phases = fringes_of(nm, {kind: reading.value for kind, reading in readings.items()}, thickness)
     if options.dispersion is not None and not phases:
-        raise SpecError("--dispersion", value=options.dispersion, limit="no fringes are detected", remedy="omit it")
+        limit = "requires fringes, but none were detected"
+        raise SpecError("--dispersion", value=options.dispersion, limit=limit, remedy="omit it")
     if options.bare_transmittance:
         bare, setup = _bare(recording, spectra, options)
-        return fringed(nm, readings, phases, options.thickness, bandwidth_nm, setup, bare, options.dispersion)
+        return index_from_fringes(
+            nm, readings, phases, options.thickness, bandwidth_nm, setup, bare, options.dispersion
+        )
     if not phases:
         if options.mode == MODE:
-            raise SpecError("--mode fringes", limit="no fringes are detected", remedy="omit --mode")
+            raise SpecError("--mode", value=MODE, limit="requires fringes, but none were detected", remedy="omit it")
         return None, None
     if options.mode in {"measured", "lossless"}:
         amplitude = np.sqrt(2.0) * phases[0].amplitude
-        limit = f"adds powers, but fringes of ± {amplitude:.2g} were detected, so the layer's faces interfere"
-        raise DataError(f"--mode {options.mode}", limit=limit, remedy="omit --mode: the route for fringes is then used")
-    return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
+        limit = f"neglects interference, but fringes of ± {amplitude:.2g} were detected"
+        raise DataError("--mode", value=options.mode, limit=limit, remedy="omit it to use the route for fringes")
+    return index_from_fringes(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
 
 
 def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:
-    """Return T and R of the bare sheet at the layer's wavelengths, and the sheet's index from them alone."""
-    chosen = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
-    sheet, nm = optical_spectra(recording, chosen), spectra.wavelength_nm
+    """Return T and R of the bare substrate, and a setup with the median of its index from these alone."""
+    traces = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
+    sheet, nm = optical_spectra(recording, traces), spectra.wavelength_nm
     if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
-        limit = "must be at the same wavelengths as the layer's"
-        raise DataError("traces of the bare sheet", limit=limit, remedy="measure both in the same way")
+        limit = "must have the same wavelengths as those of the layer"
+        raise DataError("traces of the bare substrate", limit=limit, remedy="measure both with the same settings")
     bare = {kind: _reading(sheet, options, kind) for kind in ("T", "R")}
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
     if not np.isfinite(n).any():
-        raise DataError(
-            "the bare sheet", limit="has values of T and R that no index produces", remedy="check its traces"
-        )
+        limit = "have values of T and R that no index produces"
+        raise DataError("traces of the bare substrate", limit=limit, remedy="check the traces")
     start = Substrate(np.full(nm.shape, float(np.nanmedian(n))), 0.0, thickness_um)
     return bare, Setup(start, options.side or "layer", options.baseline or "air", options.r_baseline or "air")
 
 
-def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
+def _by_route(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
     """Return the index by the requested route or, by default, by the route that the measured spectra allow."""
     t, nm = _transmittance(spectra, options), spectra.wavelength_nm
     setup = options.setup(nm)
@@ -284,14 +286,11 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
             return routes.measured(nm, t, _reading(spectra, options, "R"), options.thickness, setup)
         if setup is None:
             raise routes.no_reflectance("T alone,", nm, t)
-        limit, remedy = (
-            "requires a measured R of the layer and substrate combined",
-            "name its trace, or use --mode lossless",
-        )
-        raise SpecError("--mode measured", limit=limit, remedy=remedy)
+        limit = "requires a measured R of the layer on its substrate"
+        raise SpecError("--mode", value=mode, limit=limit, remedy="name its trace, or use --mode lossless")
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
-        remedy = "name its trace with --absorbance and add --absorbance-kind absorptance"
-        raise SpecError("--mode absorptance", limit="requires a measured absorptance", remedy=remedy)
+        remedy = "name its trace with --absorbance, and add --absorbance-kind absorptance"
+        raise SpecError("--mode", value=mode, limit="requires a measured absorptance", remedy=remedy)
     return routes.absorptance(nm, t, _reading(spectra, options, "A"), options.thickness)
 
 
@@ -304,7 +303,7 @@ def _default_mode(spectra: OpticalSpectra, options: IndexOptions, t: Reading) ->
     if options.absorbance_kind in BASES:
         raise routes.no_reflectance(f"an absorbance, −{options.absorbance_kind} T,", spectra.wavelength_nm, t)
     if options.absorbance_kind is None:
-        raise _ask_kind(spectra)
+        raise _kind_missing(spectra)
     return "absorptance"
 
 
@@ -320,34 +319,34 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
         remedy = f"an index requires T; name the trace of T: {OPTIONS['T']}"
         raise DataError("transmittance", limit="is missing", remedy=remedy)
     if options.absorbance_kind is None:
-        raise _ask_kind(spectra)
+        raise _kind_missing(spectra)
     if options.absorbance_kind == "absorptance":
-        remedy = "supply T, because an absorptance alone determines no index"
+        remedy = "measure T, too: an absorptance alone determines no index"
         raise DataError("transmittance", limit="is missing", remedy=remedy)
     base = BASES[options.absorbance_kind]
     rows = np.exp(-base * spectra.rows["A"])
-    stated = options.u_T if options.u_A is None else base * np.nan_to_num(rows.mean(axis=0)) * options.u_A
-    return reading(rows, stated, name="T")
+    u_t = options.u_T if options.u_A is None else base * np.nan_to_num(rows.mean(axis=0)) * options.u_A
+    return reading(rows, u_t, name="T")
 
 
-def _ask_kind(spectra: OpticalSpectra) -> SpecError:
-    limit = f"must be specified for {spectra.names['A'][0]}: log10, ln or absorptance"
-    remedy = "a spectrophotometer exports log10, −log10 T; an absorptance is measured in an integrating sphere"
+def _kind_missing(spectra: OpticalSpectra) -> SpecError:
+    limit = f"is required for {spectra.names['A'][0]}"
+    remedy = "specify log10 for −log10 T, as spectrophotometers export; ln; or absorptance, from an integrating sphere"
     return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
 
 
 def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> None:
-    """Raise if A was supplied but is not the absorbance that the published formula uses."""
+    """Raise if there is an A that is not the absorbance of the published formula."""
     if options.absorbance_kind not in {None, "log10"}:
-        limit = "the as-published mode requires A as log10"
+        limit = "must be log10 with --mode as-published"
         raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
     if "A" in spectra.rows and not is_absorbance(spectra.mean("A"), t.value):
-        limit = "is not −log10 T, which the as-published mode uses for A"
+        limit = "is not −log10 T, which --mode as-published uses as A"
         raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="omit it, or use another mode")
 
 
-def _stated_bandwidth_nm(recording: Recording) -> float | None:
-    """Return the spectral bandwidth that an instrument wrote to its file."""
+def _bandwidth_nm(recording: Recording) -> float | None:
+    """Return the spectral bandwidth from the metadata of a file; None if there is none."""
     for name, text in recording.provenance.metadata.items():
         if "sbw" in name.lower():
             try:
@@ -360,7 +359,7 @@ def _stated_bandwidth_nm(recording: Recording) -> float | None:
 
 
 def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[Caution]]:
-    """Return the literature's index band, and warnings if n is outside it or falls too steeply."""
+    """Return the index range of the literature, and warnings if n is outside it or falls too steeply."""
     if options.literature == "none":
         return None, []
     nm, n, package = spectrum.wavelength_nm, spectrum.n, options.literature == "package"
@@ -373,14 +372,14 @@ def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | 
 def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
     """Return the longest wavelength at which all repeats of T have a lossless index, and their indices there."""
     n = lossless_index(spectra.rows.get("T", np.empty((0, 0))))
-    (at,) = np.nonzero(np.isfinite(n).all(axis=0))
-    if len(n) < 2 or not at.size:
+    (known,) = np.nonzero(np.isfinite(n).all(axis=0))
+    if len(n) < 2 or not known.size:
         return None, None
-    return float(spectra.wavelength_nm[at[-1]]), n[:, at[-1]]
+    return float(spectra.wavelength_nm[known[-1]]), n[:, known[-1]]
 
 
-def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caution]:
-    """Warn if an absorbance and a transmittance in the same file have different baselines."""
+def _baseline_warnings(spectra: OpticalSpectra, options: IndexOptions) -> list[Caution]:
+    """Return a warning if an absorbance and a transmittance in the same file have different baselines."""
     base = BASES.get(options.absorbance_kind or "")
     if base is None or not {"A", "T"} <= spectra.rows.keys():
         return []
@@ -394,22 +393,22 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caut
     ]
 
 
-def _about_instrument(
+def _instrument_warnings(
     spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> list[Caution]:
-    """Return warnings about properties that are unspecified, or that T or the fringes contradict."""
+    """Return warnings about properties that are unspecified, or contradicted by T or the fringe spacing."""
     warnings = []
     if options.baseline is None:
         warnings.append(
-            warning("the baseline is not specified; air is assumed, for a free-standing layer: specify --baseline")
+            warning("the baseline is not specified and is assumed to be air (a free-standing layer): add --baseline")
         )
     if options.substrate is None and "T" in spectra.rows:
         t = spectra.mean("T")
-        if (above := float(np.mean(t > 1.0))) >= _ABOVE:
+        if (above_1 := float(np.mean(t > 1.0))) >= _MAX_ABOVE_1:
             warnings.append(
                 warning(
-                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible "
-                    "for a free-standing layer, but possible for one measured against its bare substrate; if so, "
+                    f"T exceeds 1 at {above_1:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible "
+                    "for a free-standing layer, but possible for a layer measured against its bare substrate; if so, "
                     "specify --baseline substrate"
                 )
             )

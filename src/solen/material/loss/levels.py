@@ -1,9 +1,9 @@
 """Power readings as levels in dB, and conversion of loss to other units.
 
-Only ratios of powers count, so readings in mW, volts or counts are equally suitable if they are proportional to the
-light after the dark reading is subtracted.
+Only ratios of powers matter, so readings in mW, volts or counts are equally suitable if they are proportional to the
+power after subtraction of the dark reading.
 
-Public names: `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
+Public names: `levels_dB`, `launched_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
 """
 
 import math
@@ -19,8 +19,8 @@ DB_PER_NEPER = 10.0 / math.log(10.0)
 MM_PER_CM = 10.0
 CM_PER_UM = 1e-4
 LOGARITHMIC = ("dBm", "dB")
-_FULL = {"1": 1.0, "%": 100.0, "dB": 0.0}  # launched power, if readings are relative to it
-_SHOWN = 3
+_LAUNCHED = {"1": 1.0, "%": 100.0, "dB": 0.0}  # launched power in units that are relative to it
+_MAX_SHOWN = 3  # number of readings that a message lists
 
 
 def absorption_per_mm(loss_dB_per_cm: float) -> float:
@@ -29,9 +29,9 @@ def absorption_per_mm(loss_dB_per_cm: float) -> float:
 
 
 def smallest_loss_dB_per_cm(thickness_um: float, u_T: float) -> float:
-    """Return the loss in dB/cm that absorbs a fraction ``u_T`` of the light in a layer, the smallest visible loss.
+    """Return the loss in dB/cm at which a layer absorbs the fraction ``u_T``, so that smaller losses are undetectable.
 
-    0.1 % over 25 µm is 0.4 per cm or 1.7 dB/cm.
+    0.1 % over 25 µm corresponds to 0.4 per cm or 1.7 dB/cm.
     """
     if not (0.0 < thickness_um < math.inf and 0.0 < u_T < 1.0):
         limit = "thickness must be above 0 µm and u(T) between 0 and 1"
@@ -49,8 +49,8 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
     unit
         ``dBm`` or ``dB`` for logarithmic readings; readings in any other unit are assumed proportional to power.
     dark
-        Reading without light, in the same unit. If all readings are below it, light lowers the receiver's voltage, and
-        the signal is the drop.
+        Reading without light, in the same unit. If all readings are below it, light lowers them, and the signal is the
+        difference.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
         signal = 10.0 ** (values / 10.0) - 10.0 ** (dark / 10.0)
     if pulls_down(values, unit, dark):
         signal = -signal
-    bad = np.flatnonzero(~(signal > 0.0))
-    if len(bad):
-        raise _no_light(values, bad, unit, dark)
+    not_positive = np.flatnonzero(~(signal > 0.0)).tolist()
+    if not_positive:
+        raise _no_light(values, not_positive, unit, dark)
     return 10.0 * np.log10(signal)
 
 
@@ -77,19 +77,19 @@ def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
     return dark is not None and unit not in LOGARITHMIC and bool(np.all(np.asarray(readings, float) < dark))
 
 
-def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
-    """Return the level of the launched power, on the scale of `levels_dB`; None if the readings do not determine it.
+def launched_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
+    """Return the level of the launched power, on the scale of `levels_dB`; None if it is not known.
 
     Parameters
     ----------
     unit, readings
-        As for `levels_dB`. A pure number, a percentage and dB are relative to the launched power, unless one exceeds
+        As for `levels_dB`. Fractions, percentages and dB are relative to the launched power, unless a reading exceeds
         it.
     launched
         Launched power, in that unit.
     """
     if launched is None:
-        launched = _FULL.get(unit)
+        launched = _LAUNCHED.get(unit)
         if launched is None or float(np.max(np.asarray(readings, float))) > launched:
             return None
     if unit in LOGARITHMIC:
@@ -99,12 +99,10 @@ def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> flo
     return 10.0 * math.log10(launched)
 
 
-def _no_light(
-    values: FloatArray, bad: np.ndarray[tuple[int], np.dtype[np.intp]], unit: str, dark: float | None
-) -> DataError:
-    shown = ", ".join(f"{values[i]:g} {unit} (reading {i + 1})" for i in bad[:_SHOWN])
-    more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
-    over = "be above 0" if dark is None else f"all be above, or all below, the dark reading {dark:g} {unit}"
+def _no_light(values: FloatArray, rows: list[int], unit: str, dark: float | None) -> DataError:
+    shown = ", ".join(f"{values[row]:g} {unit} (reading {row + 1})" for row in rows[:_MAX_SHOWN])
+    more = f" and {len(rows) - _MAX_SHOWN} more" if len(rows) > _MAX_SHOWN else ""
+    limit = "be above 0" if dark is None else f"all be above, or all below, the dark reading of {dark:g} {unit}"
     remedy = (
         "remove these rows, specify the dark reading (--dark), or specify the unit if the "
         "values are logarithmic (--unit dBm)"
@@ -112,6 +110,6 @@ def _no_light(
     return DataError(
         "power",
         value=shown + more,
-        limit=f"must {over}: the level of a reading without light is undefined",
+        limit=f"must {limit}: the level of a reading without light is undefined",
         remedy=remedy,
     )

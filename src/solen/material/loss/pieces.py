@@ -1,9 +1,9 @@
-"""Pieces of guide, the units that an interval counts, and the straight lines through them.
+"""Pieces of guide, the independent points of a cut-back, and the straight lines through them.
 
-A guide at one length is a single piece, regardless of the number of readings. Lines differ in their slopes:
-`Table.common_slope` has a single slope for all pieces and a start for each orientation, `Table.separate_slopes` one
-slope for each orientation. A guide that was cut to several lengths contributes its own start and slope, as random
-effects.
+A guide at one length is one piece, regardless of the number of readings. There are two models of the lines:
+`Table.common_slope` has one slope for all pieces and a start for each orientation, and `Table.separate_slopes` has a
+start and a slope for each orientation. The start and slope of a guide that was cut to several lengths deviate from the
+line by random effects.
 """
 
 import math
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.levels import MM_PER_CM
-from solen.material.regression import LinearFit, fitted, group_means, shared
+from solen.material.regression import LinearFit, fitted, group_covariance, group_means
 
 LENGTHS_MM = (1e-3, 1e6)
 """Range of lengths that a guide may have."""
@@ -26,12 +26,12 @@ LENGTHS_MM = (1e-3, 1e6)
 
 @dataclass(frozen=True)
 class Piece:
-    """A guide at a length.
+    """A guide at one length.
 
     Attributes
     ----------
     guide, orientation
-        Names from the table.
+        Name of the guide and its build orientation, from the table.
     length_mm, level_dB
         Length, and mean level of the readings.
     readings
@@ -47,14 +47,14 @@ class Piece:
     @property
     def name(self) -> str:
         """Name of the piece in messages."""
-        where = f", {self.orientation}" if self.orientation else ""
-        return f"guide {self.guide} ({self.length_mm:g} mm{where})"
+        orientation = f", {self.orientation}" if self.orientation else ""
+        return f"guide {self.guide} ({self.length_mm:g} mm{orientation})"
 
 
 def pieces_of(
     length_mm: FloatArray, level_dB: FloatArray, guide: Sequence[str], orientation: Sequence[str]
 ) -> tuple[tuple[Piece, ...], float | None]:
-    """Return readings averaged by piece, and the standard deviation of readings within pieces (None without repeats).
+    """Return the pieces with mean levels, and the standard deviation of readings within pieces (None without repeats).
 
     Raises
     ------
@@ -62,24 +62,24 @@ def pieces_of(
         If a length is impossible, or a level is not a number.
     """
     shortest, longest = LENGTHS_MM
-    long = (length_mm >= shortest) & (length_mm <= longest)
-    for name, values, good in (("length", length_mm, long), ("level", level_dB, np.isfinite(level_dB))):
-        bad = np.flatnonzero(~good)
-        if len(bad):
-            where = f"{values[bad[0]]:g} (reading {bad[0] + 1})"
+    is_valid = (length_mm >= shortest) & (length_mm <= longest)
+    for name, values, valid in (("length", length_mm, is_valid), ("level", level_dB, np.isfinite(level_dB))):
+        invalid = np.flatnonzero(~valid)
+        if len(invalid):
+            value = f"{values[invalid[0]]:g} (reading {invalid[0] + 1})"
             limit = f"must be from {shortest:g} to {longest:g} mm" if name == "length" else "must be a number"
-            raise DataError(f"cut-back: {name}", value=where, limit=limit, remedy="correct or remove the row")
+            raise DataError(f"cut-back: {name}", value=value, limit=limit, remedy="correct or remove the row")
     keys = list(zip(guide, orientation, length_mm.tolist(), strict=True))
     means, counts = group_means(keys, level_dB), Counter(keys)
-    spare = len(keys) - len(means)
-    about = level_dB - [means[key] for key in keys]
-    within = math.sqrt(float(np.sum(about**2)) / spare) if spare else None
-    return tuple(Piece(*key, level, counts[key]) for key, level in means.items()), within
+    df = len(keys) - len(means)
+    residuals = level_dB - [means[key] for key in keys]
+    sd = math.sqrt(float(np.sum(residuals**2)) / df) if df else None
+    return tuple(Piece(*key, level, counts[key]) for key, level in means.items()), sd
 
 
 @dataclass(frozen=True)
 class Table:
-    """Pieces as arrays; a mask selects the pieces for a line."""
+    """Pieces as arrays; the masks of the methods select pieces."""
 
     pieces: tuple[Piece, ...]
 
@@ -108,7 +108,7 @@ class Table:
         return list(dict.fromkeys(self.orientation[keep].tolist()))
 
     def lengths(self, keep: BoolArray) -> list[float]:
-        """Return the different lengths of the selected pieces in cm, ascending."""
+        """Return the different lengths of the selected pieces in cm, in ascending order."""
         return sorted(set(self.cm[keep].tolist()))
 
     def sloped(self, keep: BoolArray) -> list[str]:
@@ -119,7 +119,7 @@ class Table:
             if len(self.lengths(keep & (self.orientation == orientation))) > 1
         ]
 
-    def cut(self, keep: BoolArray) -> int:
+    def cut_guides(self, keep: BoolArray) -> int:
         """Return the number of selected guides that were cut to several lengths."""
         guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
         return sum(guides.count(guide) > 1 for guide in set(guides))
@@ -136,26 +136,29 @@ class Table:
     def fit(self, design: FloatArray, keep: BoolArray) -> LinearFit:
         """Fit a design matrix to the selected pieces."""
         guide = [self.guide[index] for index in np.flatnonzero(keep)]
-        of = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut(keep) > 1 else (None,)
-        effects = [effect for by in of if (effect := shared(guide, by)) is not None]
+        factors = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut_guides(keep) > 1 else (None,)
+        effects = [effect for factor in factors if (effect := group_covariance(guide, factor)) is not None]
         return fitted(design, self.level[keep], effects=effects)
 
-    def refuse_too_few(self) -> None:
-        """Raise if no slope with an uncertainty follows from all pieces."""
+    def check_size(self) -> None:
+        """Raise if the pieces determine no slope with an uncertainty."""
         keep = np.ones(len(self.pieces), bool)
         lengths = self.lengths(keep)
         remedy = "measure guides of at least three lengths, several at each length"
         if not self.sloped(keep):
-            one = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else "one in each orientation"
-            raise DataError("cut-back: length", value=one, limit="a single length determines no slope", remedy=remedy)
-        if len(self.pieces) <= (numbers := len(self.orientations(keep)) + 1):
+            value = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else None
+            where = "" if value else " in each orientation"
+            limit = f"a single length{where} determines no slope"
+            raise DataError("cut-back: length", value=value, limit=limit, remedy=remedy)
+        if len(self.pieces) <= (parameters := len(self.orientations(keep)) + 1):
             limit = (
-                f"{numbers} parameters are fitted, so more pieces are required for an uncertainty; "
-                "repeated readings of a guide count once"
+                f"must be more than the number of fitted parameters, {parameters}, for an uncertainty (a guide at one "
+                "length is one piece, regardless of the number of readings)"
             )
-            raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
+            raise DataError("cut-back: number of pieces", value=len(self.pieces), limit=limit, remedy=remedy)
 
     def _starts(self, keep: BoolArray) -> FloatArray:
+        """Return the columns of a design matrix for a start per orientation."""
         return np.column_stack(
             [(self.orientation[keep] == orientation).astype(float) for orientation in self.orientations(keep)]
         )

@@ -1,6 +1,6 @@
-"""Loss of a guide from a recording: length, power, guide and orientation columns, and their units.
+"""Loss of a guide from a recording: columns of length, power, guide and orientation, and their units.
 
-`guide_loss` evaluates a recording with `CutbackOptions`; `readings` returns the rows used.
+`guide_loss` evaluates a recording with `CutbackOptions`; `readings` returns the rows that are used.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.cutback import GuideLoss, cut_back
-from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
+from solen.material.loss.levels import launched_level_dB, levels_dB, pulls_down
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
 from solen.material.warning_prefixes import LAUNCHED
 from solen.ranks import Caution, do_not_use, note, warning
@@ -35,26 +35,26 @@ ORIENTATIONS = (
     "bauorientierung",
 )
 PLAUSIBLE_DB_PER_CM = 50.0
-"""Loss above which a guide is implausible: one centimetre transmits 1e-5."""
+"""Largest plausible loss of a guide, of which one centimetre transmits 1e-5."""
 UM_PER_MM = 1e3
 _LINEAR = ("W", "V", "A")
 _VOLTS = ("V", "mV")
-_SHARES = {1.0: "1", 0.01: "%"}
+_FRACTIONS = {1.0: "1", 0.01: "%"}
 
 
 class CutbackOptions(RowOptions):
     """Options for evaluating a cut-back."""
 
     unit: str | None = None
-    """Unit of the powers, instead of the header's: mW, µW, V, dBm, dB, %, 1 or relative."""
+    """Unit of the powers, instead of that in the header: mW, µW, V, dBm, dB, %, 1 or relative."""
     dark: Finite | None = None
     """Reading without light, in that unit. If all readings are below it, light lowers them."""
     launched: Finite | None = None
-    """Power launched into the guides, in that unit; adds the coupling loss."""
+    """Power launched into the guides, in that unit; adds the coupling loss to the result."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the light, reported in the result; default: the one that the table gives for all rows."""
+    """Wavelength of the light, stored in the result; default: that of the table, if it is the same in all rows."""
     keep_all: bool = False
-    """Keep outliers."""
+    """Include outliers in the fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +64,15 @@ class Readings:
     Attributes
     ----------
     length_mm, values, level_dB
-        Length, reading in `unit`, and level, shape (n,).
+        Length, reading in `unit`, and level of each row, shape (n,).
     unit
-        Unit of the readings; empty for readings proportional to power.
+        Unit of the readings; empty for readings that are proportional to power.
     guide, orientation
-        Texts of the rows; None without such a column.
+        Guide and orientation of each row; None without such a column.
     columns
         Names of the columns that were used.
     warnings
-        Assumptions, and omitted readings.
+        Warnings about assumptions and omitted rows.
     """
 
     length_mm: FloatArray
@@ -86,21 +86,21 @@ class Readings:
 
 
 def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions()) -> GuideLoss:
-    """Return the loss in dB/cm of guides of several lengths, also by orientation if a column names it.
+    """Return the loss in dB/cm of guides of several lengths, and of each orientation if a column names them.
 
     Raises
     ------
     DataError
-        If there is no length or power column, or no loss with an uncertainty follows.
+        If there is no length or power column, or the rows determine no loss with an uncertainty.
     """
     recording = stacked_replicates(chosen_rows(recording, options), POWERS, REPEATS)
     rows = readings(recording, options.unit, options.dark)
-    beside = refuse_unused(recording, options, (*rows.columns, *REPEATS))
-    launched_dB = full_level_dB(rows.unit, options.launched, rows.values)
+    notes = refuse_unused(recording, options, (*rows.columns, *REPEATS))
+    launched_dB = launched_level_dB(rows.unit, options.launched, rows.values)
     loss = cut_back(
         rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=options.keep_all, launched_dB=launched_dB
     )
-    _refuse_rising(loss, rows, options.dark)
+    _refuse_rising_voltage(loss, rows, options.dark)
     return replace(
         loss,
         wavelength_nm=options.wavelength_nm or constant_number(recording, WAVELENGTHS, "nm"),
@@ -109,9 +109,9 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
         falls_with_light=pulls_down(rows.values, rows.unit, options.dark),
         sources=(recording.provenance,),
         warnings=(
-            *_unusual(loss, recording.need(*LENGTHS).unit),
+            *_implausible(loss, recording.need(*LENGTHS).unit),
             *(channel.caution for channel in recording.channels if channel.note and channel.name in rows.columns),
-            *beside,
+            *notes,
             *rows.warnings,
             *_launch_unknown(launched_dB),
             *loss.warnings,
@@ -120,7 +120,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
 
 
 def readings(recording: Recording, unit: str | None = None, dark: float | None = None) -> Readings:
-    """Return the rows of a table with a length and a power; a warning counts the omitted ones."""
+    """Return the rows of a table that have a length and a power; a warning reports the number of omitted rows."""
     lengths = recording.need(*LENGTHS)
     length = lengths.to("mm")
     channel = recording.find(*POWERS) or recording.find(*LOSSES) or recording.need(*POWERS[:3])
@@ -132,11 +132,13 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     if not complete.any():
         raise DataError(recording.provenance.file, limit="contains no row with both a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
-    (of_guide, guide), (of_way, orientation) = (_texts(recording, complete, names) for names in (GUIDES, ORIENTATIONS))
+    (guide_column, guide), (orientation_column, orientation) = (
+        _labels(recording, complete, names) for names in (GUIDES, ORIENTATIONS)
+    )
     if guide is None:
         warnings.append(
             warning(
-                "no column names the guide (guide): the readings at each length are averaged as "
+                "the table has no column named guide: the readings at each length are averaged as "
                 "if they belonged to one guide, which is conservative and results in a wide interval"
             )
         )
@@ -151,80 +153,85 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         warnings.append(
             warning("the voltages have no dark reading (--dark): an offset bends the line and changes the loss")
         )
-    columns = (lengths.name, channel.name, *of_guide, *of_way)
+    columns = (lengths.name, channel.name, *guide_column, *orientation_column)
     return Readings(
         length[complete], values, unit, levels_dB(values, unit, dark), guide, orientation, columns, warnings
     )
 
 
-def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
-    """Return the power unit in solen's spelling, and warnings about it."""
-    given = (stated if stated is not None else channel.unit).strip()
-    logarithm = {"dbm": "dBm", "db": "dB"}.get(given.casefold())
-    if logarithm:
-        return logarithm, []
-    if given in {"", "a.u.", "counts", "relative"}:
-        if stated is not None:
+def _unit(channel: Channel, option: str | None) -> tuple[str, list[Caution]]:
+    """Return the unit of the powers, from the option or the header, in solen's spelling, and warnings about it."""
+    unit = (option if option is not None else channel.unit).strip()
+    logarithmic = {"dbm": "dBm", "db": "dB"}.get(unit.casefold())
+    if logarithmic:
+        return logarithmic, []
+    if unit in {"", "a.u.", "counts", "relative"}:
+        if option is not None:
             return "", []
         if channel.quantity == "transmittance" or channel.name == "T":
             return "1", []
-        return "", [warning(f"{channel.name} has no unit and is assumed to be proportional to the power (--unit)")]
-    if (share := factor(given, "1")) in _SHARES:
-        return _SHARES[share], []
-    if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
+        return "", [
+            warning(f"{channel.name} has no unit and is assumed to be proportional to the power; specify --unit")
+        ]
+    if (fraction := factor(unit, "1")) in _FRACTIONS:
+        return _FRACTIONS[fraction], []
+    if not is_unit(unit) or all(factor(unit, linear) is None for linear in _LINEAR):
         limit = "must be a unit of power, voltage or current, %, 1, dB, dBm, or relative"
-        raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="specify it with --unit")
-    return given, []
+        raise DataError(f"unit of {channel.name}", value=unit, limit=limit, remedy="specify it with --unit")
+    return unit, []
 
 
-def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """Return the column that labels the rows and its texts; None if there is none or it is empty."""
-    texts = recording.label(*names)
-    column = [name for name, text in recording.texts.items() if text is texts]
-    if texts is None and (channel := recording.find(*names)) is not None:
-        column, texts = [channel.name], tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
-    if texts is None or not any(texts):
+def _labels(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
+    """Return the name of the column that labels the rows, and its cells; None if there is none or it is empty."""
+    cells = recording.label(*names)
+    column = [name for name, texts in recording.texts.items() if texts is cells]
+    if cells is None and (channel := recording.find(*names)) is not None:
+        column, cells = [channel.name], tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
+    if cells is None or not any(cells):
         return [], None
-    return column[:1], [text for text, kept in zip(texts, complete.tolist(), strict=True) if kept]
+    return column[:1], [cell for cell, kept in zip(cells, complete.tolist(), strict=True) if kept]
 
 
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; the loss per cm requires neither")]
+    return [
+        note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; the loss per cm does not depend on either")
+    ]
 
 
-def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
-    """Raise if voltages significantly rise with the length, as from a receiver whose output light pulls down."""
+def _refuse_rising_voltage(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
+    """Raise if voltages significantly rise with length, as from a phototransistor that pulls its output down."""
     if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
         limit = (
             "increase with the guide's length, so light lowers the voltage, as with a phototransistor "
             "that pulls its output down"
         )
-        top = f"{float(np.max(rows.values)):.3g} {rows.unit} or above"
+        highest = f"{float(np.max(rows.values)):.3g} {rows.unit}"
         remedy = (
-            f"specify the reading without light with --dark X, where X is {top}; or check which column is the length"
+            f"specify the reading without light, which is at least {highest}, with --dark; or check which column is "
+            "the length"
         )
-        raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
+        raise DataError(f"column {rows.columns[1]}", limit=limit, remedy=remedy)
 
 
-def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
+def _implausible(loss: GuideLoss, length_unit: str) -> list[Caution]:
     """Return a warning if the result suggests swapped columns or a wrong length unit."""
     if loss.loss_dB_per_cm <= PLAUSIBLE_DB_PER_CM:
         return []
     _, longest = loss.lengths_mm
-    in_mm = loss.loss_dB_per_cm / UM_PER_MM
-    if factor(length_unit, "um") == 1.0 and in_mm <= PLAUSIBLE_DB_PER_CM:
+    if_mm = loss.loss_dB_per_cm / UM_PER_MM
+    if factor(length_unit, "um") == 1.0 and if_mm <= PLAUSIBLE_DB_PER_CM:
         return [
             do_not_use(
                 f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like values in mm under "
-                f"a header in µm: the loss would be {in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; "
+                f"a header in µm: the loss would be {if_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; "
                 "correct the header"
             )
         ]
     return [
         do_not_use(
-            f"at {loss.loss_dB_per_cm:.3g} dB/cm, nothing remains after a centimetre: "
+            f"at {loss.loss_dB_per_cm:.3g} dB/cm, hardly any light remains after one centimetre: "
             "check which column is the length, and its unit"
         )
     ]

@@ -1,25 +1,24 @@
 """Stiffness: modulus and hyperelastic model, with uncertainties, from testing-machine exports.
 
-A force and a displacement are converted to engineering stress and strain with the specimen's dimensions. A toe is
-compensated, or reported as uncompensated. The slope over a specified range is the modulus, and a joint model of all
-tests of a material is the input for a finite-element program. The basis of the numbers and their limitations are
-reported with them.
+Force and displacement are converted to engineering stress and strain with the dimensions of the specimen, and the toe
+is compensated. The slope over a specified range is the modulus, and one hyperelastic model of all tests of a material
+is the input for a finite-element program.
 
-`stiffness_of` evaluates recordings completely. `specimen_of` and `read_test` create a test; `evaluate` combines
+`stiffness_of` evaluates recordings completely. `specimen_of` and `read_test` make a test; `evaluate` combines
 `find_toe`, `young`, `cycles_of` and `extremes`; `mean_modulus` averages several specimens; `fit` and `choose` select a
-model, and `cautions` reports its limitations.
+model, and `cautions` returns warnings about its limitations.
 """
 
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
-from solen.material.stiffness.cycles import cycles_of, loading_branch, loading_curve, rereferenced, softening
-from solen.material.stiffness.evaluation import Evaluated, StiffnessOptions, evaluate, mean_modulus
+from solen.material.stiffness.cycles import cycles_of, loading_branch, loading_curve, relative_to_last_cycle, softening
+from solen.material.stiffness.evaluation import EvaluatedSpecimen, StiffnessOptions, evaluate, mean_modulus
 from solen.material.stiffness.hyperelastic import Curve, Fit, choose, fit
 from solen.material.stiffness.material import MaterialStiffness, MeasuredStiffness, MechanicalTest, stiffness_of
 from solen.material.stiffness.models import KINDS, model
 from solen.material.stiffness.modes import EQUIBIAXIAL, MODES, PLANAR, UNIAXIAL, Mode
 from solen.material.stiffness.modulus import default_range, extremes, ideal_ratio, secant, young
-from solen.material.stiffness.specimen import Dimensions, held_ends, specimen_of
+from solen.material.stiffness.specimen import Dimensions, bonded_ratio, specimen_of
 from solen.material.stiffness.stability import StableRange, margin, stable_range
 from solen.material.stiffness.stress_strain import StressStrain, as_test
 from solen.material.stiffness.toe import find_toe
@@ -32,7 +31,7 @@ __all__ = [
     "UNIAXIAL",
     "Curve",
     "Dimensions",
-    "Evaluated",
+    "EvaluatedSpecimen",
     "Fit",
     "MaterialStiffness",
     "MeasuredStiffness",
@@ -42,6 +41,7 @@ __all__ = [
     "StiffnessOptions",
     "StressStrain",
     "as_test",
+    "bonded_ratio",
     "cautions",
     "choose",
     "cycles_of",
@@ -50,7 +50,6 @@ __all__ = [
     "extremes",
     "find_toe",
     "fit",
-    "held_ends",
     "ideal_ratio",
     "loading_branch",
     "loading_curve",
@@ -58,7 +57,7 @@ __all__ = [
     "mean_modulus",
     "model",
     "read_test",
-    "rereferenced",
+    "relative_to_last_cycle",
     "secant",
     "softening",
     "specimen_of",

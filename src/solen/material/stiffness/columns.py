@@ -1,8 +1,8 @@
-"""Stress and strain columns in a recording, and what a file specifies about its test.
+"""Stress and strain from the columns of a recording, and the mode and preload of its test.
 
-The machine's own stress or strain has priority over one computed from force and area, or from displacement and length,
-unless the user specifies the length. Words in the file that describe the test, such as compression, a preload or a
-width, are used and named; anything that the file does not specify must be specified by the user.
+Stress and strain columns have priority over values computed from force and area, or from displacement and length,
+unless the user specifies the length. The mode and the preload are taken from words in the file; what the file does not
+contain must be specified by the user.
 
 `read_test` converts a recording to a `StressStrain`.
 """
@@ -17,7 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.specimen import Specimen
-from solen.material.stiffness.stress_strain import StressStrain, as_test, sense
+from solen.material.stiffness.stress_strain import StressStrain, as_test, dominant_sign
 from solen.ranks import Caution, warning
 from solen.recording import Channel, Recording
 
@@ -26,8 +26,8 @@ DISPLACEMENT = ("displacement", "extension", "travel")
 CROSSHEAD = ("crosshead", "position")
 STRESS, TRUE_STRESS = ("stress", "engineering stress"), ("true stress",)
 STRAIN, STRETCH, TRUE_STRAIN = ("strain", "engineering strain"), ("stretch",), ("true strain",)
-_COMPRESSED = ("compress", "druckversuch", "stauch", "druckspannung", "druckprüf")
-_PULLED = (
+_COMPRESSION_WORDS = ("compress", "druckversuch", "stauch", "druckspannung", "druckprüf")
+_TENSION_WORDS = (
     "tensile",
     "tension",
     "zugversuch",
@@ -48,7 +48,7 @@ class _Column:
 
     values: FloatArray
     origin: str
-    made: bool = False
+    is_computed: bool = False
     warnings: tuple[Caution, ...] = ()
 
 
@@ -65,9 +65,9 @@ def read_test(
     recording
         Recording of a force or stress and a displacement, strain or stretch.
     specimen
-        Dimensions of the specimen, as far as known.
+        Dimensions of the specimen, as far as they are known.
     mode
-        None to infer it from the signs and words in the file.
+        Mode of the test; None to infer it from the words and signs in the file.
     compliance_mm_per_N
         Compliance of machine and fixture; force times compliance is subtracted from the displacement.
 
@@ -78,152 +78,149 @@ def read_test(
     """
     stress = _stress(recording, specimen)
     strain = _strain(recording, specimen)
-    if (removed := strain.made and compliance_mm_per_N > 0) and specimen.area_mm2 and specimen.length_mm:
-        given = compliance_mm_per_N * specimen.area_mm2 / specimen.length_mm * stress.values
-        strain = replace(strain, values=_without_compliance(strain.values, given))
-    name = recording.provenance.file or "test"
-    made = as_test(
+    if (is_corrected := strain.is_computed and compliance_mm_per_N > 0) and specimen.area_mm2 and specimen.length_mm:
+        machine_strain = compliance_mm_per_N * specimen.area_mm2 / specimen.length_mm * stress.values
+        strain = replace(strain, values=_without_compliance(strain.values, machine_strain))
+    test = as_test(
         strain.values,
         stress.values,
         specimen,
-        mode or _stated_mode(recording, specimen),
-        name=name,
-        assumed=mode is None,
+        mode or _mode_in_file(recording, specimen),
+        name=recording.provenance.file or "test",
+        is_inferred=mode is None,
     )
     return replace(
-        made,
+        test,
         made_from=f"stress: {stress.origin}; strain: {strain.origin}",
-        area_used=stress.made,
-        from_displacement=strain.made,
-        compliance_removed=removed,
+        area_used=stress.is_computed,
+        from_displacement=strain.is_computed,
+        compliance_removed=is_corrected,
         preload=_preload(recording.provenance.metadata),
-        warnings=(*made.warnings, *strain.warnings),
+        warnings=(*test.warnings, *strain.warnings),
     )
 
 
 def _stress(recording: Recording, specimen: Specimen) -> _Column:
-    """Return engineering stress in MPa, from its own column or from force and area."""
+    """Return engineering stress in MPa, from a stress column, from force and area, or from true stress."""
     stress = recording.find(*STRESS)
     if stress is not None:
         return _Column(stress.to("MPa"), stress.name)
     force = _only(recording, FORCE)
     if force is not None:
         if specimen.area_mm2 is None:
-            remedy = "specify --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
-            raise DataError(
-                f"{recording.provenance.name}: area of the specimen", limit="is not specified", remedy=remedy
-            )
+            name = f"{recording.provenance.name}: area of the specimen"
+            remedy = "add --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
+            raise DataError(name, limit="is not specified", remedy=remedy)
         origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
-        return _Column(force.to("N") / specimen.area_mm2, origin, made=True)
+        return _Column(force.to("N") / specimen.area_mm2, origin, is_computed=True)
     true = recording.find(*TRUE_STRESS)
     if true is not None:
         return _Column(true.to("MPa") / (1 + _strain(recording, specimen).values), f"{true.name} / stretch")
-    remedy = f"its columns are {', '.join(recording.names[:12])}"
-    raise DataError(recording.provenance.name, limit="has no column of force or stress", remedy=remedy)
+    raise _no_column(recording, "force or stress")
 
 
 def _strain(recording: Recording, specimen: Specimen) -> _Column:
     """Return engineering strain.
 
-    A displacement over a length specified by the user has priority over the file's strain, which has priority over a
-    displacement with the file's length.
+    A displacement divided by a length that the user specifies has priority over the strain in the file, which has
+    priority over a displacement divided by the length in the file.
     """
     stretch, strain, true = (recording.find(*names) for names in (STRETCH, STRAIN, TRUE_STRAIN))
-    travel, absolute = _travel(recording)
-    stated = stretch or strain or true
-    if travel is not None and specimen.length_mm is not None and (specimen.length_by_user or stated is None):
-        moved = travel.to("mm")
-        there = moved[np.isfinite(moved)]
-        zero = float(there[0]) if absolute and len(there) else 0.0
-        origin = f"{travel.name}{' since the first point' if absolute else ''} / {specimen.length_mm:.6g} mm"
-        return _Column((moved - zero) / specimen.length_mm, origin, made=True)
+    displacement, is_position = _displacement(recording)
+    has_strain = bool(stretch or strain or true)
+    if displacement is not None and specimen.length_mm is not None and (specimen.length_by_user or not has_strain):
+        mm = displacement.to("mm")
+        known = mm[np.isfinite(mm)]
+        zero = float(known[0]) if is_position and len(known) else 0.0
+        origin = (
+            f"{displacement.name}{' relative to the first point' if is_position else ''} / {specimen.length_mm:.6g} mm"
+        )
+        return _Column((mm - zero) / specimen.length_mm, origin, is_computed=True)
     if strain is not None:
         values = strain.to("1")
-        return _Column(values, strain.name, warnings=_other_length(recording, specimen, values, strain.name))
+        return _Column(values, strain.name, warnings=_length_warnings(recording, specimen, values, strain.name))
     if stretch is not None:
         return _Column(stretch.to("1") - 1, f"{stretch.name} - 1")
     if true is not None:
         return _Column(np.expm1(true.to("1")), f"exp({true.name}) - 1")
-    if travel is not None:
-        remedy = "specify --length-mm (the gauge length, or the height of a compressed specimen) or --cube-mm"
+    if displacement is not None:
+        remedy = "add --length-mm (the gauge length, or the height of a compressed specimen) or --cube-mm"
         raise DataError(f"{recording.provenance.name}: length of the specimen", limit="is not specified", remedy=remedy)
-    remedy = f"its columns are {', '.join(recording.names[:12])}"
-    raise DataError(recording.provenance.name, limit="has no column of displacement, strain or stretch", remedy=remedy)
+    raise _no_column(recording, "displacement, strain or stretch")
 
 
-def _without_compliance(strain: FloatArray, given: FloatArray) -> FloatArray:
-    """Return the strain of the specimen alone, with the machine's deformation subtracted along the loading."""
-    return strain - sense(strain) * sense(given) * given
+def _no_column(recording: Recording, quantities: str) -> DataError:
+    limit = f"has no column of {quantities}; its columns are {', '.join(recording.names[:12])}"
+    return DataError(recording.provenance.name, limit=limit, remedy="name the column with --map")
 
 
-def _travel(recording: Recording) -> tuple[Channel | None, bool]:
+def _without_compliance(strain: FloatArray, machine_strain: FloatArray) -> FloatArray:
+    """Return the strain of the specimen alone; the deformation of the machine has the direction of the loading."""
+    return strain - dominant_sign(strain) * dominant_sign(machine_strain) * machine_strain
+
+
+def _displacement(recording: Recording) -> tuple[Channel | None, bool]:
     """Return the displacement, and whether it is a position with an arbitrary zero."""
-    moved = _only(recording, DISPLACEMENT)
-    if moved is not None:
-        return moved, False
+    displacement = _only(recording, DISPLACEMENT)
+    if displacement is not None:
+        return displacement, False
     return _only(recording, CROSSHEAD), True
 
 
 def _only(recording: Recording, names: tuple[str, ...]) -> Channel | None:
-    """Return the channel with these names; `DataError` if several qualify and none has the plain name."""
-    alike = [channel for channel in recording.channels if channel.quantity and channel.quantity == names[0]]
-    if len(alike) > 1 and len({_stem(channel.name) for channel in alike}) == 1:
-        listed = ", ".join(channel.name for channel in alike[:6])
-        remedy = "a file must contain one specimen: keep the columns of one"
-        raise DataError(
-            recording.provenance.name, limit=f"has {len(alike)} columns of {names[0]}: {listed}", remedy=remedy
-        )
-    return alike[0] if alike else recording.find(*names)
+    """Return the first channel with these names; raise `DataError` if the columns of several specimens have them."""
+    matching = [channel for channel in recording.channels if channel.quantity and channel.quantity == names[0]]
+    if len(matching) > 1 and len({channel.name.rsplit(" (", 1)[0] for channel in matching}) == 1:
+        columns = ", ".join(channel.name for channel in matching[:6])
+        limit = f"must contain one specimen, but has {len(matching)} columns of {names[0]}: {columns}"
+        raise DataError(recording.provenance.name, limit=limit, remedy="keep the columns of one specimen")
+    return matching[0] if matching else recording.find(*names)
 
 
-def _stem(name: str) -> str:
-    return name.rsplit(" (", 1)[0]
-
-
-def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
-    """Return a warning if the file's strain was computed with a length other than the one it specifies."""
-    travel, absolute = _travel(recording)
-    if travel is None or absolute or specimen.length_mm is None:
+def _length_warnings(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
+    """Return a warning if the strain in a file was computed with a length that is not the one in the file."""
+    displacement, is_position = _displacement(recording)
+    if displacement is None or is_position or specimen.length_mm is None:
         return ()
-    moved = travel.to("mm")
-    both = np.isfinite(moved) & np.isfinite(strain)
-    at = int(np.argmax(np.where(both, np.abs(strain), 0)))
-    if not both.any() or strain[at] == 0 or moved[at] == 0:
+    mm = displacement.to("mm")
+    known = np.isfinite(mm) & np.isfinite(strain)
+    row = int(np.argmax(np.where(known, np.abs(strain), 0)))
+    if not known.any() or strain[row] == 0 or mm[row] == 0:
         return ()
-    implied = float(moved[at] / strain[at])
-    if abs(implied / specimen.length_mm - 1) < 0.01:
+    implied_mm = float(mm[row] / strain[row])
+    if abs(implied_mm / specimen.length_mm - 1) < 0.01:
         return ()
     return (
         warning(
-            f"{name} is {travel.name} over {implied:.5g} mm, but the file specifies a length of "
-            f"{specimen.length_mm:.6g} mm; the file's strain is used unchanged (use --length-mm "
-            "to divide the displacement by a length instead)"
+            f"{name} is {displacement.name} divided by {implied_mm:.5g} mm, but the file specifies a length of "
+            f"{specimen.length_mm:.6g} mm; {name} is used unchanged (use --length-mm to divide {displacement.name} by "
+            "a specified length instead)"
         ),
     )
 
 
-def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
-    """Return the mode from the words in a file or from a cubic specimen; None if unknown."""
+def _mode_in_file(recording: Recording, specimen: Specimen) -> TestMode | None:
+    """Return the mode from the words in a file, or compression for a cube; None if unknown."""
     if specimen.is_cube:
         return "compression"
     metadata = recording.provenance.metadata
     words = " ".join((*recording.names, *metadata.keys(), *metadata.values())).casefold()
-    compressed = any(word in words for word in _COMPRESSED)
-    pulled = any(word in words for word in _PULLED)
-    if compressed == pulled:
+    is_compressed = any(word in words for word in _COMPRESSION_WORDS)
+    is_pulled = any(word in words for word in _TENSION_WORDS)
+    if is_compressed == is_pulled:
         return None
-    return "compression" if compressed else "tension"
+    return "compression" if is_compressed else "tension"
 
 
 def _preload(metadata: Mapping[str, str]) -> str:
-    """Return the preload above zero that a file specifies, in the file's words."""
+    """Return the preload above zero in the words of the file; an empty string without one."""
     for heading, text in metadata.items():
         if any(word in heading.casefold() for word in ("vorkraft", "pre-load", "preload", "vorlast")):
             digits = "".join(c if c.isdigit() or c in ".,-" else " " for c in text).replace(",", ".").split()
             try:
-                size = float(digits[0]) if digits else math.nan
+                preload = float(digits[0]) if digits else math.nan
             except ValueError:
                 continue
-            if size > 0:
+            if preload > 0:
                 return f"{heading} {text.strip()}"
     return ""

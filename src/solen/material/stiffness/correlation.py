@@ -1,17 +1,17 @@
-"""Uncertainty of a fit whose neighbouring residuals are correlated.
+"""Uncertainty of a fit with correlated neighbouring residuals.
 
 A testing machine samples a smooth curve a hundred times a second. The residuals of a fit to it are not independent: the
-machine's filter and any misfit of the model correlate neighbours, and a plain least-squares uncertainty shrinks with
-the sampling rate without further information. Residuals are modelled as first-order autoregressive along each curve,
-V_ij = ρ^|i−j|, and V is propagated through the estimator, so that n points count as about n(1 − ρ)/(1 + ρ) (Bayley &
-Hammersley 1946).
+filter of the machine and the misfit of the model correlate neighbouring points, and an ordinary least-squares
+uncertainty would decrease with the sampling rate although no information is gained. The residuals of each curve are
+therefore modelled as first-order autoregressive, V_ij = ρ^|i−j|, and V is propagated to the parameters, so that n
+points are equivalent to about n(1 − ρ)/(1 + ρ) independent ones (Bayley & Hammersley 1946).
 
 Residuals of a fit are less correlated than the noise, because the fit follows some of the noise. ρ is therefore the
 value at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the measured one, where M
-= I − J(JᵀJ)⁻¹Jᵀ converts noise to residuals and S shifts by one point.
+= I − J(JᵀJ)⁻¹Jᵀ converts noise to residuals, and S averages the two neighbours of each point.
 
-`scatter` evaluates a linearised least-squares fit, `effective_points` counts independent points, and `log_likelihood`
-evaluates residuals.
+`scatter` evaluates a linearised least-squares fit, `effective_points` returns the equivalent number of independent
+points, and `log_likelihood` evaluates residuals.
 """
 
 import math
@@ -23,13 +23,13 @@ import numpy as np
 from solen.arrays import FloatArray
 
 _MAX_CORRELATION = 0.995
-_NEGLIGIBLE = 1e-10  # singular value, relative to the largest, below which a direction is due to rounding
-_SINGULAR = 1e14  # condition number above which an inverse has no correct digit
+_MIN_SINGULAR_VALUE = 1e-10  # relative to the largest; smaller ones are due to rounding
+_MAX_CONDITION = 1e14  # condition number above which an inverse has no correct digit
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Statistics of a fit's parameters from its residuals.
+    """Statistics of a fit from its residuals.
 
     Attributes
     ----------
@@ -50,12 +50,12 @@ class Scatter:
 
 
 def effective_points(points: int, lag_one: float) -> float:
-    """Return the number of independent points, at least one, equivalent to ``points`` with that lag-one correlation."""
+    """Return the number of independent points, at least one, that are equivalent to points with a correlation."""
     return max(points * (1 - lag_one) / (1 + lag_one), 1.0)
 
 
 def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> Scatter:
-    """Return the covariance of least-squares parameters whose residuals are correlated along each curve.
+    """Return the statistics of a least-squares fit with residuals that are correlated within each curve.
 
     Parameters
     ----------
@@ -65,47 +65,48 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
         For each curve, weighted residuals, (points,).
     """
     points = sum(len(r) for r in residuals)
-    power = sum(float(r @ r) for r in residuals)
+    squares = sum(float(r @ r) for r in residuals)
     basis = _basis(jacobians)
     if points <= basis[0].shape[1]:
         return Scatter(None, 0.0, 0.0, float(points))
     lag_one = _lag_one(basis, residuals)
-    variance = power / max(points - _overlap(basis, lag_one), 1.0)
-    worth = effective_points(points, lag_one)
+    lost_points = float(np.trace(_gram(basis, [_correlated(q, lag_one) for q in basis])))  # tr(Qᵀ V Q)
+    variance = squares / max(points - lost_points, 1.0)
+    effective = effective_points(points, lag_one)
     inverse = _inverse(_gram(jacobians, jacobians))
     if inverse is None:
-        return Scatter(None, float(np.sqrt(variance)), lag_one, worth)
-    covariance = variance * inverse @ _gram(jacobians, [_smeared(j, lag_one) for j in jacobians]) @ inverse
-    return Scatter((covariance + covariance.T) / 2, float(np.sqrt(variance)), lag_one, worth)
+        return Scatter(None, float(np.sqrt(variance)), lag_one, effective)
+    covariance = variance * inverse @ _gram(jacobians, [_correlated(j, lag_one) for j in jacobians]) @ inverse
+    return Scatter((covariance + covariance.T) / 2, float(np.sqrt(variance)), lag_one, effective)
 
 
 def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
-    """Return the log-likelihood of residuals, autoregressive along each curve, maximised over their variance."""
+    """Return the log-likelihood of residuals, autoregressive within each curve, maximised over their variance."""
     points = sum(len(r) for r in residuals)
-    power = sum((1 - lag_one**2) * r[0] ** 2 + float(np.sum((r[1:] - lag_one * r[:-1]) ** 2)) for r in residuals)
-    if power <= 0:
+    squares = sum((1 - lag_one**2) * r[0] ** 2 + float(np.sum((r[1:] - lag_one * r[:-1]) ** 2)) for r in residuals)
+    if squares <= 0:
         return float("inf")
-    starts = len(residuals) / 2 * math.log(1 - lag_one**2)
-    return starts - points / 2 * (math.log(2 * math.pi * power / points) + 1)
+    first_points = len(residuals) / 2 * math.log(1 - lag_one**2)
+    return first_points - points / 2 * (math.log(2 * math.pi * squares / points) + 1)
 
 
 def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return orthonormal columns that span the effects of the parameters, even if some are not determined."""
+    """Return orthonormal columns that span the columns of the Jacobian, even if these are linearly dependent."""
     stacked = np.vstack(jacobians)
-    size = np.linalg.norm(stacked, axis=0)
-    left, singular, _ = np.linalg.svd(stacked / np.where(size > 0, size, 1.0), full_matrices=False)
-    kept = left[:, singular > _NEGLIGIBLE * singular[0]]
-    return np.split(kept, np.cumsum([len(j) for j in jacobians])[:-1])
+    norm = np.linalg.norm(stacked, axis=0)
+    left, singular, _ = np.linalg.svd(stacked / np.where(norm > 0, norm, 1.0), full_matrices=False)
+    columns = left[:, singular > _MIN_SINGULAR_VALUE * singular[0]]
+    return np.split(columns, np.cumsum([len(j) for j in jacobians])[:-1])
 
 
 def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> float:
-    """Return ρ from 0 to 0.995 for which the expected correlation of the residuals equals the measured one."""
+    """Return the ρ, from 0 to 0.995, at which the expected correlation of the residuals equals the measured one."""
     from scipy.optimize import brentq
 
-    power = sum(float(r @ r) for r in residuals)
-    if power <= 0:
+    squares = sum(float(r @ r) for r in residuals)
+    if squares <= 0:
         return 0.0
-    measured = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
+    measured = sum(float(r[1:] @ r[:-1]) for r in residuals) / squares
     shifted = _gram(basis, [_shifted(q) for q in basis])
 
     def excess(lag_one: float) -> float:
@@ -113,44 +114,39 @@ def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> fl
 
     if excess(0.0) >= 0:
         return 0.0
-    return (
-        _MAX_CORRELATION if excess(_MAX_CORRELATION) <= 0 else float(brentq(excess, 0.0, _MAX_CORRELATION, xtol=1e-6))
-    )
+    if excess(_MAX_CORRELATION) <= 0:
+        return _MAX_CORRELATION
+    return float(brentq(excess, 0.0, _MAX_CORRELATION, xtol=1e-6))
 
 
 def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:
     """Return tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
     points = sum(len(q) for q in basis)
-    smeared = [_smeared(q, lag_one) for q in basis]
-    through = _gram(basis, smeared)
-    both = _gram(basis, [_shifted(s) for s in smeared])
-    above = (points - len(basis)) * lag_one + float(np.sum(shifted * through.T) - 2 * np.trace(both))
-    return above / (points - float(np.trace(through)))
-
-
-def _overlap(basis: Sequence[FloatArray], lag_one: float) -> float:
-    """Return tr(Qᵀ V Q), the part of correlated noise that the fit follows, in points."""
-    return float(np.trace(_gram(basis, [_smeared(q, lag_one) for q in basis])))
+    correlated = [_correlated(q, lag_one) for q in basis]
+    qvq = _gram(basis, correlated)
+    qsvq = _gram(basis, [_shifted(columns) for columns in correlated])
+    numerator = (points - len(basis)) * lag_one + float(np.sum(shifted * qvq.T) - 2 * np.trace(qsvq))
+    return numerator / (points - float(np.trace(qvq)))
 
 
 def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
-    """Return the sum over curves of LᵀR."""
+    """Return the sum of LᵀR over the curves."""
     total = np.zeros((left[0].shape[1], right[0].shape[1]))
-    for first, second in zip(left, right, strict=True):
-        total += first.T @ second
+    for a, b in zip(left, right, strict=True):
+        total += a.T @ b
     return total
 
 
 def _shifted(columns: FloatArray) -> FloatArray:
-    """Return S times columns: half of the neighbour on each side."""
+    """Return S times columns: the sum of half of each neighbour."""
     shifted = np.zeros_like(columns)
     shifted[1:] += columns[:-1] / 2
     shifted[:-1] += columns[1:] / 2
     return shifted
 
 
-def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:
-    """Return V times columns, V_ij = ρ^|i−j|, with one sweep in each direction."""
+def _correlated(columns: FloatArray, lag_one: float) -> FloatArray:
+    """Return V times columns, V_ij = ρ^|i−j|, by one recursive filter in each direction."""
     from scipy.signal import lfilter
 
     if lag_one == 0:
@@ -166,6 +162,6 @@ def _inverse(normal: FloatArray) -> FloatArray | None:
     if not np.isfinite(normal).all() or (scale == 0).any():
         return None
     scaled = normal / np.outer(scale, scale)
-    if np.linalg.cond(scaled) > _SINGULAR:
+    if np.linalg.cond(scaled) > _MAX_CONDITION:
         return None
     return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))

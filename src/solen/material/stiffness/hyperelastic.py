@@ -1,18 +1,18 @@
 """Hyperelastic fits: a single set of parameters for all tests of a material.
 
-A model that fits one kind of test implies little about another, so all modes are fitted together. The minimised
-quantity is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight for every newton) or
-w = 1/max(|P|, 2 % of the test's largest) (``relative``: equal weight for every per cent). Models that are linear in
-their parameters are solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for
-given powers α its moduli are linear, so they are solved for on a grid of powers, the best starts are refined with exact
-derivatives, and the best result is kept. Nothing is random.
+A model that fits tests in one mode may be wrong in another, so all modes are fitted jointly. The minimised quantity is
+Σ w²(P_model − P)² with the engineering stress P, and w = 1 (``absolute``: equal weight of equal errors in MPa) or w =
+1/max(|P|, 2 % of the largest stress of the test) (``relative``: equal weight of equal relative errors). Models that are
+linear in their parameters are solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura
+2004): it is linear in its moduli for given powers α, so these are determined on a grid of powers, the best starts are
+refined with exact derivatives, and the best result is chosen. The search is deterministic.
 
 Models are compared by AICc (Hurvich & Tsai 1989), but only if they are stable over the measured stretches; of two
 models that fit equally well, the simpler one is chosen. The likelihood is that of autoregressive residuals
-(`solen.material.stiffness.correlation`): with independent residuals, a curve sampled densely enough would always favour
-the most parameters.
+(`solen.material.stiffness.correlation`): with independent residuals, a densely sampled curve would always favour the
+model with the most parameters.
 
-`fit` fits a model to `Curve`s, and `choose` selects among several fits of the same curves.
+`fit` fits a model to `Curve`s, and `choose` selects one of several fits to the same curves.
 """
 
 import math
@@ -32,18 +32,20 @@ from solen.material.stiffness.stability import StableRange, stable_range
 from solen.results import HIDDEN, reported
 
 Weighting = Literal["absolute", "relative"]
-SEEN = 0.02  # relative difference of the residuals of two fits that is negligible
-_FLOOR = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
+MAX_RESIDUAL_INCREASE = 0.02
+"""Relative increase of the RMS residual up to which a model with fewer parameters is preferred."""
+_ZERO_STRESS_MPA = 1e-12  # far below any measured stress
+_MIN_STRESS_FRACTION = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
-_STEEPEST = 30.0  # bound of |α|
-_REFINED = 12  # number of starts that are refined
-_POLISHED = 3  # number of starts refined to convergence
-_STEPS = 400  # number of evaluations for each start
+_MAX_POWER = 30.0  # bound of |α|
+_MAX_STARTS = 12  # number of starts that are refined
+_MAX_CONVERGED = 3  # number of starts that are refined to convergence
+_MAX_EVALUATIONS = 400  # for each start
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One test: engineering stress over stretch in one mode.
+    """One test: engineering stress against stretch in one mode.
 
     Attributes
     ----------
@@ -60,7 +62,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class ModeQuality:
-    """Quality of a fit to the tests of one mode: root mean square error in MPa and relative, R², range, points."""
+    """Quality of a fit to the tests of one mode: number of points, range, absolute and relative RMS error, R²."""
 
     mode: str
     points: int
@@ -81,13 +83,13 @@ class Fit:
     weighting, weighted_squares
         Weighting of the residuals, and the sum of their squares.
     quality
-        Quality of fit by mode.
+        Quality of the fit for each measured mode.
     stable
-        Range of stable stretches by mode, for all modes, measured or not.
+        Range of stable stretches, keyed by mode, for all modes, measured or not.
     stable_in_data
         Whether the model is stable over the measured stretches of every measured mode.
     aicc
-        Corrected Akaike criterion; None with too few points or no residual.
+        Corrected Akaike criterion; None with too few points, or if all residuals are 0.
     delta_aicc
         Difference from the lowest AICc of the compared fits.
     """
@@ -110,12 +112,12 @@ class Fit:
 
     @reported
     def parameters(self) -> dict[str, float]:
-        """Parameters of the model by name."""
+        """Parameters of the model, keyed by name."""
         return dict(zip(self.model.names, self.values.tolist(), strict=True))
 
     @reported
     def u_parameters(self) -> dict[str, float] | None:
-        """Standard uncertainties of the parameters; None if the data do not determine them."""
+        """Standard uncertainties of the parameters, keyed by name; None if the data do not determine them."""
         if self.scatter.covariance is None:
             return None
         return dict(zip(self.model.names, np.sqrt(np.diag(self.scatter.covariance)).tolist(), strict=True))
@@ -166,113 +168,116 @@ def fit(kind: str, curves: Sequence[Curve], weighting: Weighting = "absolute") -
         w[:, None] * fitted.jacobian(parameters, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)
     ]
     quality = _quality(fitted, parameters, curves)
-    reached = (min(q.stretch_range[0] for q in quality), max(q.stretch_range[1] for q in quality))
-    stable = {name: stable_range(fitted, parameters, mode, reached) for name, mode in MODES.items()}
-    spread = scatter(jacobians, residuals)
+    data_range = (min(q.stretch_range[0] for q in quality), max(q.stretch_range[1] for q in quality))
+    stable = {name: stable_range(fitted, parameters, mode, data_range) for name, mode in MODES.items()}
+    statistics = scatter(jacobians, residuals)
     return Fit(
         model=fitted,
         values=parameters,
-        scatter=spread,
+        scatter=statistics,
         weighting=weighting,
         weighted_squares=sum(float(r @ r) for r in residuals),
         quality=quality,
         stable=stable,
         stable_in_data=all(stable[q.mode].covers(*q.stretch_range) for q in quality),
-        aicc=_aicc(residuals, spread.lag_one, len(parameters)),
+        aicc=_aicc(residuals, statistics.lag_one, len(parameters)),
     )
 
 
 def fit_each(kinds: Sequence[str], curves: Sequence[Curve], weighting: Weighting = "absolute") -> tuple[Fit, ...]:
-    """Return fits of several models to the same curves, each with its AICc and the difference from the lowest."""
+    """Return fits of several models to the same curves, each with the difference of its AICc from the lowest."""
     fits = [fit(kind, curves, weighting) for kind in kinds]
-    lowest = min((each.aicc for each in fits if each.aicc is not None), default=0.0)
-    return tuple(replace(each, delta_aicc=None if each.aicc is None else each.aicc - lowest) for each in fits)
+    lowest = min((result.aicc for result in fits if result.aicc is not None), default=0.0)
+    return tuple(replace(result, delta_aicc=None if result.aicc is None else result.aicc - lowest) for result in fits)
 
 
 def choose(fits: Sequence[Fit]) -> Fit | None:
-    """Return the fit of lowest AICc among those stable over the data, or a simpler one that fits equally well.
+    """Return the stable fit with the lowest AICc, or a simpler one that fits equally well; None if no fit is stable.
 
-    Specimens that differ leave smooth residuals that no model removes; a likelihood of correlated residuals then
-    favours parameters that change the fit imperceptibly. A model with fewer parameters is therefore preferred if its
-    residuals are larger by at most `SEEN`. None if no model is stable.
+    Differences between specimens leave smooth residuals that no model removes; the likelihood of correlated residuals
+    then favours parameters that hardly change the fit. A model with fewer parameters is therefore preferred if its
+    residuals are larger by at most `MAX_RESIDUAL_INCREASE`.
     """
-    stable = [f for f in fits if f.stable_in_data]
-    judged = [f for f in stable if f.aicc is not None]
-    if judged:
-        best = min(judged, key=lambda f: 0.0 if f.aicc is None else f.aicc)
-        alike = [f for f in judged if f.weighted_squares <= (1 + SEEN) ** 2 * best.weighted_squares]
-        return min(alike, key=lambda f: len(f.values))
-    return min(stable, key=lambda f: len(f.values)) if stable else None
+    stable = [fit for fit in fits if fit.stable_in_data]
+    best = min((fit for fit in stable if fit.aicc is not None), key=lambda fit: fit.aicc or 0.0, default=None)
+    if best is not None:
+        max_squares = (1 + MAX_RESIDUAL_INCREASE) ** 2 * best.weighted_squares
+        stable = [fit for fit in stable if fit.aicc is not None and fit.weighted_squares <= max_squares]
+    return min(stable, key=lambda fit: len(fit.values), default=None)
 
 
 def _check(curves: Sequence[Curve], fitted: Model) -> None:
-    points, needed = sum(len(curve.stretch) for curve in curves), len(fitted.names) + 1
-    if points < needed:
-        raise DataError(f"points for {fitted.kind}", value=points, limit=f"at least {needed}", remedy="measure more")
+    points, required = sum(len(curve.stretch) for curve in curves), len(fitted.names) + 1
+    if points < required:
+        limit = f"must be at least {required}"
+        raise DataError(f"number of points for {fitted.kind}", value=points, limit=limit, remedy="measure more points")
     for curve in curves:
         if not (np.isfinite(curve.stretch).all() and np.isfinite(curve.stress_MPa).all()):
-            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="remove points without a value")
+            limit = "has points without a value"
+            raise DataError(f"{curve.mode.name} curve", limit=limit, remedy="remove these points")
         if (lowest := float(curve.stretch.min())) <= 0:
             raise DataError("stretch", value=lowest, limit="must be above 0", remedy="check length and displacement")
 
 
 def _weights(curve: Curve, weighting: Weighting) -> FloatArray:
-    size = np.abs(curve.stress_MPa)
+    magnitude = np.abs(curve.stress_MPa)
     if weighting == "absolute":
-        return np.ones_like(size)
-    largest = float(size.max())
-    if largest == 0:
+        return np.ones_like(magnitude)
+    largest = float(magnitude.max())
+    if largest < _ZERO_STRESS_MPA:
         raise DataError("stress", value=0, limit="is zero throughout a test", remedy="check the force column")
-    return 1 / np.maximum(size, _FLOOR * largest)
+    return 1 / np.maximum(magnitude, _MIN_STRESS_FRACTION * largest)
 
 
 def _fit_linear(fitted: Model, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
     start = np.zeros(len(fitted.names))
     rows = [w[:, None] * fitted.jacobian(start, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)]
-    wanted = [w * c.stress_MPa for c, w in zip(curves, weights, strict=True)]
-    return _solved(np.vstack(rows), np.concatenate(wanted))
+    stresses = [w * c.stress_MPa for c, w in zip(curves, weights, strict=True)]
+    return _solved(np.vstack(rows), np.concatenate(stresses))
 
 
-def _solved(rows: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the least-squares solution with scaled columns, because powers of the invariants differ by orders."""
-    size = np.linalg.norm(rows, axis=0)
-    size[size == 0] = 1.0
-    return np.asarray(np.linalg.lstsq(rows / size, wanted, rcond=None)[0] / size)
+def _solved(rows: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the least-squares solution; columns are scaled, because powers of the invariants differ by many orders."""
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.lstsq(rows / scale, values, rcond=None)[0] / scale)
 
 
 def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
-    """Return the best result of the best starts; α = 30 sin θ keeps powers within ±30 in an unconstrained search."""
+    """Return the best fit from several starts; α = 30 sin θ keeps powers within ±30 in an unconstrained search."""
     from scipy.optimize import leastsq
 
     terms = _Terms.of(curves, weights)
     order = fitted.order
 
-    def residual(searched: FloatArray) -> FloatArray:
-        return terms.basis(_STEEPEST * np.sin(searched[order:])) @ searched[:order] - terms.wanted
+    def residuals(p: FloatArray) -> FloatArray:
+        return terms.basis(_MAX_POWER * np.sin(p[order:])) @ p[:order] - terms.stress
 
-    def jacobian(searched: FloatArray) -> FloatArray:
-        powers, slope = _STEEPEST * np.sin(searched[order:]), _STEEPEST * np.cos(searched[order:])
-        return np.hstack([terms.basis(powers), terms.by_power(powers) * searched[:order] * slope])
+    def jacobian(p: FloatArray) -> FloatArray:
+        powers, slope = _MAX_POWER * np.sin(p[order:]), _MAX_POWER * np.cos(p[order:])
+        return np.hstack([terms.basis(powers), terms.by_power(powers) * p[:order] * slope])
 
-    def ended(start: FloatArray, tolerance: float) -> tuple[float, FloatArray]:
-        solution = leastsq(residual, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_STEPS, full_output=True)
-        return float(np.sum(residual(np.asarray(solution[0])) ** 2)), np.asarray(solution[0])
+    def refined(start: FloatArray, tolerance: float) -> tuple[float, FloatArray]:
+        solution = leastsq(
+            residuals, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_MAX_EVALUATIONS, full_output=True
+        )
+        p = np.asarray(solution[0])
+        return float(np.sum(residuals(p) ** 2)), p
 
-    rough = [
-        ended(np.concatenate([moduli, np.arcsin(powers / _STEEPEST)]), 1e-5) for moduli, powers in _starts(terms, order)
-    ]
-    rough.sort(key=lambda each: each[0])
-    best = min((ended(end, 1e-14) for _, end in rough[:_POLISHED]), key=lambda each: each[0])[1]
-    return _ordered(fitted, np.concatenate([best[:order], _STEEPEST * np.sin(best[order:])]))
+    starts = [np.concatenate([moduli, np.arcsin(powers / _MAX_POWER)]) for moduli, powers in _starts(terms, order)]
+    coarse = sorted((refined(start, 1e-5) for start in starts), key=lambda solution: solution[0])
+    converged = [refined(p, 1e-14) for _, p in coarse[:_MAX_CONVERGED]]
+    best = min(converged, key=lambda solution: solution[0])[1]
+    return _ordered(fitted, np.concatenate([best[:order], _MAX_POWER * np.sin(best[order:])]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """Ogden's terms at all points of all curves: weighted stress Σᵢ fᵢ exp(α lᵢ) at μ = 1, with lᵢ = ln λᵢ."""
+    """Ogden's terms at all points of all curves: weighted stress Σᵢ fᵢ exp(α lᵢ) for μ = 1, with lᵢ = ln λᵢ."""
 
     factor: FloatArray
     logarithm: FloatArray
-    wanted: FloatArray
+    stress: FloatArray
 
     @classmethod
     def of(cls, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> "_Terms":
@@ -281,34 +286,34 @@ class _Terms:
             powers = np.array(curve.mode.powers)
             factors.append(powers * (weight / curve.stretch / curve.mode.directions)[:, None])
             logarithms.append(powers * np.log(curve.stretch)[:, None])
-        wanted = np.concatenate([w * c.stress_MPa for c, w in zip(curves, weights, strict=True)])
-        return cls(np.vstack(factors), np.vstack(logarithms), wanted)
+        stress = np.concatenate([w * c.stress_MPa for c, w in zip(curves, weights, strict=True)])
+        return cls(np.vstack(factors), np.vstack(logarithms), stress)
 
     def basis(self, powers: FloatArray) -> FloatArray:
         """Return the stress of each term: (points, terms)."""
         return np.asarray(np.einsum("ni,nit->nt", self.factor, np.exp(self.logarithm[:, :, None] * powers)))
 
     def by_power(self, powers: FloatArray) -> FloatArray:
-        """Return the derivative of the stress with respect to the term's power."""
-        grown = np.exp(self.logarithm[:, :, None] * powers)
-        return np.asarray(np.einsum("ni,nit->nt", self.factor * self.logarithm, grown))
+        """Return the derivative of the stress of each term with respect to its power."""
+        stretch_powers = np.exp(self.logarithm[:, :, None] * powers)
+        return np.asarray(np.einsum("ni,nit->nt", self.factor * self.logarithm, stretch_powers))
 
 
 def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the best of a grid of powers, each with its least-squares moduli."""
+    """Return the best combinations of powers on a grid, as moduli and powers."""
     powers = np.array(_POWERS)
     basis = terms.basis(powers)
-    tried = []
-    for chosen in combinations(range(len(powers)), order):
-        rows = basis[:, chosen]
-        moduli = _solved(rows, terms.wanted)
-        tried.append((float(np.sum((rows @ moduli - terms.wanted) ** 2)), moduli, powers[list(chosen)]))
-    tried.sort(key=lambda each: each[0])
-    return [(moduli, alphas) for _, moduli, alphas in tried[:_REFINED]]
+    candidates = []
+    for columns in combinations(range(len(powers)), order):
+        rows = basis[:, columns]
+        moduli = _solved(rows, terms.stress)
+        candidates.append((float(np.sum((rows @ moduli - terms.stress) ** 2)), moduli, powers[list(columns)]))
+    candidates.sort(key=lambda candidate: candidate[0])
+    return [(moduli, alphas) for _, moduli, alphas in candidates[:_MAX_STARTS]]
 
 
 def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
-    """Return the same sum with terms in order of falling power, so that equal fits look equal."""
+    """Return the parameters of the same sum with its terms in descending order of power, so that it is unique."""
     moduli, powers = fitted.split(parameters)
     order = np.argsort(-powers)
     return np.concatenate([moduli[order], powers[order]])
@@ -317,29 +322,29 @@ def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
 def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> tuple[ModeQuality, ...]:
     qualities = []
     for name, mode in MODES.items():
-        ours = [curve for curve in curves if curve.mode.name == name]
-        if not ours:
+        group = [curve for curve in curves if curve.mode.name == name]
+        if not group:
             continue
-        stretch = np.concatenate([curve.stretch for curve in ours])
-        stress = np.concatenate([curve.stress_MPa for curve in ours])
+        stretch = np.concatenate([curve.stretch for curve in group])
+        stress = np.concatenate([curve.stress_MPa for curve in group])
         error = fitted.stress(parameters, mode, stretch) - stress
-        floored = np.maximum(np.abs(stress), _FLOOR * np.abs(stress).max())
-        spread = float(np.sum((stress - stress.mean()) ** 2))
+        magnitude = np.maximum(np.abs(stress), _MIN_STRESS_FRACTION * np.abs(stress).max())
+        squares = float(np.sum((stress - stress.mean()) ** 2))
         qualities.append(
             ModeQuality(
                 mode=name,
                 points=len(stretch),
                 stretch_range=(min(float(stretch.min()), 1.0), max(float(stretch.max()), 1.0)),
                 rms_MPa=float(np.sqrt(np.mean(error**2))),
-                rms_relative=float(np.sqrt(np.mean((error / floored) ** 2))),
-                r_squared=None if spread == 0 else 1 - float(error @ error) / spread,
+                rms_relative=float(np.sqrt(np.mean((error / magnitude) ** 2))),
+                r_squared=None if squares == 0 else 1 - float(error @ error) / squares,
             )
         )
     return tuple(qualities)
 
 
 def _aicc(residuals: Sequence[FloatArray], lag_one: float, parameters: int) -> float | None:
-    """Return the AICc with k = parameters, the variance and the correlation."""
+    """Return the AICc; the variance and the correlation of the residuals are parameters, too."""
     points, k = sum(len(r) for r in residuals), parameters + 2
     likelihood = log_likelihood(residuals, lag_one)
     if points - k - 1 <= 0 or likelihood == float("inf"):

@@ -1,7 +1,8 @@
 """Modulus and model of each material from the specimens of mechanical tests.
 
-Every recording is a specimen, unless one of its columns names several. Specimens with the same label are the same
-material: its modulus is their mean, and a single set of model parameters is fitted to all its tests, in all modes.
+Every recording contains one specimen, unless a column names several. Specimens with the same label are of the same
+material: its modulus is the mean of theirs, and a single set of model parameters is fitted to all its tests, in all
+modes.
 
 `stiffness_of` evaluates `MechanicalTest` recordings and returns a `MeasuredStiffness`.
 """
@@ -16,7 +17,7 @@ from solen.files import SIMULATED_DATA, csv_cell
 from solen.material.rows import chosen_rows, refuse_unused
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
-from solen.material.stiffness.evaluation import Evaluated, MeanModulus, StiffnessOptions, evaluate, mean_modulus
+from solen.material.stiffness.evaluation import EvaluatedSpecimen, MeanModulus, StiffnessOptions, evaluate, mean_modulus
 from solen.material.stiffness.hyperelastic import Fit, choose, fit_each
 from solen.material.stiffness.models import KINDS, model
 from solen.material.stiffness.modes import TestMode
@@ -26,9 +27,9 @@ from solen.material.stiffness.stress_strain import StressStrain
 from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Measured, Recording
 
-_RIGID_MPA = 100.0  # anything stiffer is not a rubber: auto fits no hyperelastic model to it
+_MAX_RUBBER_MPA = 100.0  # largest modulus to which auto fits a hyperelastic model
 _SPECIMEN, _MATERIAL = ("specimen", "sample", "replicate", "probe"), ("material", "resin", "group", "gruppe")
-_MACHINE = (
+_MACHINE_MODULUS = (
     "e-modul",
     "e-modulus",
     "e modulus",
@@ -48,17 +49,17 @@ class MechanicalTest:
     Attributes
     ----------
     recording
-        Recording of one specimen, or of several named in a column.
+        Recording of one specimen, or of several specimens that are named in a column.
     mode
-        Mode of the test; None to infer it from the signs and words of the file.
+        Mode of the test; None to infer it from the words and signs in the file.
     label
         Name of the material; empty to read it from a column.
     dimensions
-        Stated dimensions of its specimens.
+        Specified dimensions of the specimens.
     compliance_mm_per_N
         Compliance of machine and fixture.
     name
-        Name of its specimen, if its file contains several.
+        Name of the specimen, if the file contains several.
     """
 
     recording: Recording
@@ -77,21 +78,21 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     label
         Label of the material; None without one.
     strain_range
-        Strain range of the modulus of the first specimen, magnitudes.
+        Strain range for the modulus of the first specimen, as magnitudes.
     mode
-        Mode of the first specimen's test: tension, compression, uniaxial (both directions), planar or equibiaxial.
+        Mode of the first test: tension, compression, uniaxial (both directions), planar or equibiaxial.
     specimens
-        All specimens; the modulus is the mean over those tested like the first.
+        All specimens; the modulus is the mean over those that were tested in the mode of the first.
     model, fits
-        The chosen fit, None without one; and all fits.
+        The chosen fit, or None; and all fits.
     warnings
-        Warnings, in sentences.
+        Warnings, one sentence each.
     """
 
     label: str | None
     strain_range: Range
     mode: str
-    specimens: tuple[Evaluated, ...]
+    specimens: tuple[EvaluatedSpecimen, ...]
     model: Fit | None
     fits: tuple[Fit, ...]
     warnings: tuple[Caution, ...]
@@ -110,11 +111,11 @@ class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
 
     @property
     def materials(self) -> tuple[MaterialStiffness, ...]:
-        """Each material once."""
+        """All materials."""
         return self.groups or (self,)
 
     def table(self) -> str:
-        """Return stress and strain of all specimens, with name and material, as CSV marked if simulated."""
+        """Return stress and strain of all specimens, with name and material, as CSV, marked if simulated."""
         lines = ["specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"]
         for material in self.materials:
             for specimen in material.specimens:
@@ -131,7 +132,7 @@ class _Specimen:
 
     label: str
     recording: Recording
-    evaluated: Evaluated
+    evaluated: EvaluatedSpecimen
 
 
 def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = StiffnessOptions()) -> MeasuredStiffness:
@@ -142,17 +143,19 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     DataError
         If a column, unit or dimension is missing, or the range of the modulus contains too few points.
     """
-    tests = [replace(each, recording=chosen_rows(each.recording, options)) for each in tests]
+    tests = [replace(test, recording=chosen_rows(test.recording, options)) for test in tests]
     used = (*_SPECIMEN, *_MATERIAL)
-    remarks = [note for each in tests for note in refuse_unused(each.recording, options, used, labels_only=True)]
+    notes = [text for test in tests for text in refuse_unused(test.recording, options, used, labels_only=True)]
     specimens = _specimens(tests, options)
     labels = list(dict.fromkeys(specimen.label for specimen in specimens))
-    groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
-    warnings = tuple(dict.fromkeys([*remarks, *(caution for group in groups for caution in group.warnings)]))
+    groups = tuple(
+        _material([specimen for specimen in specimens if specimen.label == label], options) for label in labels
+    )
+    warnings = tuple(dict.fromkeys([*notes, *(caution for group in groups for caution in group.warnings)]))
     if len(groups) > 1:
-        beside = note(f"modulus and model outside groups apply only to {labels[0]}; groups contains all {len(labels)}")
-        warnings = (*warnings, beside)
-    sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
+        text = f"modulus and model apply only to {labels[0]}; groups contains those of all {len(labels)} materials"
+        warnings = (*warnings, note(text))
+    sources = {specimen.recording.provenance.sha256: specimen.recording.provenance for specimen in specimens}
     return MeasuredStiffness(
         **vars(groups[0]) | {"warnings": warnings},
         groups=groups if len(groups) > 1 else (),
@@ -161,24 +164,24 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
 
 
 def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> list[_Specimen]:
-    """Return every specimen of every recording, evaluated over a common strain range for each mode if possible."""
+    """Return the specimens of all recordings, evaluated over a common strain range for each mode if possible."""
     specimens: list[_Specimen] = []
     ranges: dict[tuple[str, str], Range] = {}
-    for tested in tests:
-        for name, group, part in _parts(tested.recording):
-            dimensions = specimen_of(tested.dimensions, part.provenance.metadata)
-            test = read_test(part, dimensions, tested.mode, tested.compliance_mm_per_N)
-            kind = (test.mode.name, test.loading)
-            evaluated = _evaluated(test, options, ranges.get(kind))
-            ranges.setdefault(kind, evaluated.young.strain_range)
+    for test in tests:
+        for name, material, part in _parts(test.recording):
+            dimensions = specimen_of(test.dimensions, part.provenance.metadata)
+            curve = read_test(part, dimensions, test.mode, test.compliance_mm_per_N)
+            mode = (curve.mode.name, curve.loading)
+            evaluated = _evaluated(curve, options, ranges.get(mode))
+            ranges.setdefault(mode, evaluated.young.strain_range)
             file = part.provenance.file
-            evaluated = replace(evaluated, name=": ".join(filter(None, (file, tested.name, name))), file=file)
-            specimens.append(_Specimen(tested.label or group, part, evaluated))
+            evaluated = replace(evaluated, name=": ".join(filter(None, (file, test.name, name))), file=file)
+            specimens.append(_Specimen(test.label or material, part, evaluated))
     return specimens
 
 
-def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> Evaluated:
-    """Evaluate a test over a range, or over its default if that contains too few points and the user stated none."""
+def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> EvaluatedSpecimen:
+    """Evaluate a test over a range or, if it contains too few points and is not the user's, over the default range."""
     try:
         return evaluate(test, options, strain_range)
     except DataError:
@@ -186,41 +189,47 @@ def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Rang
             raise
     evaluated = evaluate(test, options)
     low, high = (100 * end for end in evaluated.young.strain_range)
-    other = (
-        f"modulus over {low:.3g} to {high:.3g} %, because the range of the other specimens contains too few points here"
+    text = (
+        f"the modulus is fitted over {low:.3g} to {high:.3g} %, because this test has too few points in the range of "
+        "the other specimens"
     )
-    return replace(evaluated, warnings=(*evaluated.warnings, warning(other)))
+    return replace(evaluated, warnings=(*evaluated.warnings, warning(text)))
 
 
 def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
-    """Return the specimens of a recording, each with its name and material, from the columns that name them."""
+    """Return the name, the material and the rows of each specimen in a recording, from the columns that name them."""
     columns = [
-        [texts for name in names if (texts := recording.label(name)) is not None] for names in (_MATERIAL, _SPECIMEN)
+        [cells for name in names if (cells := recording.label(name)) is not None] for names in (_MATERIAL, _SPECIMEN)
     ]
     if not any(columns):
         return [("", "", recording)]
     length = len(recording.channels[0].values) if recording.channels else 0
-    words = [[" ".join(row).strip() for row in zip(*texts, strict=True)] or [""] * length for texts in columns]
-    keys = list(zip(*words, strict=True))
+    labels = [[" ".join(row).strip() for row in zip(*cells, strict=True)] or [""] * length for cells in columns]
+    keys = list(zip(*labels, strict=True))
     parts = []
-    for group, name in dict.fromkeys(keys):
-        rows = np.array([key == (group, name) for key in keys])
+    for key in dict.fromkeys(keys):
+        rows = np.array([row_key == key for row_key in keys])
         channels = tuple(replace(c, values=c.values[rows]) for c in recording.channels)
-        parts.append((" ".join(filter(None, (group, name))), group, replace(recording, channels=channels, texts={})))
+        parts.append((" ".join(filter(None, key)), key[0], replace(recording, channels=channels, texts={})))
     return parts
 
 
 def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> MaterialStiffness:
     first = specimens[0].evaluated.test
     moduli = [
-        each.evaluated.young
-        for each in specimens
-        if (each.evaluated.test.mode, each.evaluated.test.loading) == (first.mode, first.loading)
+        specimen.evaluated.young
+        for specimen in specimens
+        if (specimen.evaluated.test.mode, specimen.evaluated.test.loading) == (first.mode, first.loading)
     ]
     mean = mean_modulus(moduli)
-    fits, unfitted = _fits(specimens, options, mean.modulus_MPa)
+    fits, fit_notes = _fits(specimens, options, mean.modulus_MPa)
     chosen = choose(fits)
-    warnings = [*_of_specimens(specimens), *_of_count(len(moduli)), *unfitted, *_of_fits(fits, chosen)]
+    warnings = [
+        *_specimen_warnings(specimens),
+        *_count_warnings(len(moduli)),
+        *fit_notes,
+        *_fit_warnings(fits, chosen),
+    ]
     label = specimens[0].label
     return MaterialStiffness(
         **vars(mean),
@@ -237,14 +246,14 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
 def _fits(
     specimens: Sequence[_Specimen], options: StiffnessOptions, modulus_MPa: float
 ) -> tuple[tuple[Fit, ...], list[Caution]]:
-    """Return the requested fits, and a warning if ``auto`` makes none."""
+    """Return the requested fits, and a note if ``auto`` makes none."""
     if "none" in options.fit:
         return (), []
-    if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
+    if "auto" in options.fit and abs(modulus_MPa) > _MAX_RUBBER_MPA:
         return (), [
             note(
-                f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits the "
-                "models anyway"
+                f"no hyperelastic model is fitted, because {modulus_MPa:.4g} MPa is not the modulus of a rubber; use "
+                "--fit all to fit the models anyway"
             )
         ]
     curves = [specimen.evaluated.fitted for specimen in specimens]
@@ -254,44 +263,43 @@ def _fits(
     return fit_each(possible or kinds[:1], curves, options.weighting), []
 
 
-def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
-    """Return the warnings of the specimens, with their names if they differ."""
-    shared = set.intersection(*(set(each.evaluated.warnings) for each in specimens))
+def _specimen_warnings(specimens: Sequence[_Specimen]) -> list[Caution]:
+    """Return the warnings about the specimens, prefixed with their names unless a warning is common to all."""
+    common = set.intersection(*(set(specimen.evaluated.warnings) for specimen in specimens))
     warnings: list[Caution] = []
-    for each in specimens:
-        own = (*each.evaluated.warnings, *each.recording.warnings, *_of_machine(each))
-        warnings += [caution if caution in shared else prefixed(each.evaluated.name, caution) for caution in own]
+    for specimen in specimens:
+        cautions = (*specimen.evaluated.warnings, *specimen.recording.warnings, *_machine_warnings(specimen))
+        name = specimen.evaluated.name
+        warnings += [caution if caution in common else prefixed(name, caution) for caution in cautions]
     return list(dict.fromkeys(warnings))
 
 
-def _of_machine(specimen: _Specimen) -> list[Caution]:
-    """Return a warning if the machine's modulus differs."""
+def _machine_warnings(specimen: _Specimen) -> list[Caution]:
+    """Return a warning if the modulus that the machine exported differs."""
     for heading, text in specimen.recording.provenance.metadata.items():
-        if heading.casefold().strip() not in _MACHINE:
+        if heading.casefold().strip() not in _MACHINE_MODULUS:
             continue
-        theirs, ours = number_in(text, "MPa", heading), specimen.evaluated.young.modulus_MPa
-        if theirs and abs(ours / theirs - 1) > 0.01:
+        exported, modulus = number_in(text, "MPa", heading), specimen.evaluated.young.modulus_MPa
+        if exported and abs(modulus / exported - 1) > 0.01:
             return [
                 warning(
-                    f"the machine's own {heading} is {theirs:.6g} MPa, which differs from this "
-                    f"modulus by {100 * (theirs / ours - 1):+.1f} %"
+                    f"{heading} in the file is {exported:.6g} MPa, which differs from this modulus by "
+                    f"{100 * (exported / modulus - 1):+.1f} %"
                 )
             ]
     return []
 
 
-def _of_count(specimens: int) -> list[Caution]:
+def _count_warnings(specimens: int) -> list[Caution]:
     if specimens == 1:
         return [warning("only one specimen was tested: the variation between specimens of this material is unknown")]
-    return (
-        [warning("only two specimens were tested: their standard deviation is itself uncertain by 76 %")]
-        if specimens == 2
-        else []
-    )
+    if specimens == 2:
+        return [warning("only two specimens were tested: their standard deviation is itself uncertain by 76 %")]
+    return []
 
 
-def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[Caution]:
+def _fit_warnings(fits: Sequence[Fit], chosen: Fit | None) -> list[Caution]:
     if chosen is not None:
         return cautions(chosen)
-    kinds = ", ".join(each.kind for each in fits)
+    kinds = ", ".join(fit.kind for fit in fits)
     return [warning(f"no model is chosen: none of {kinds} is stable over the data")] if fits else []

@@ -1,9 +1,9 @@
 """Hyperelastic models of an incompressible, isotropic solid: energy, stress, and the exact derivatives of both.
 
-A model is an energy per reference volume W of the principal stretches, λ₁λ₂λ₃ = 1. All other quantities are derivatives
-of it: the engineering stress of a test in its mode (`solen.material.stiffness.modes`), the derivatives of the stress
-with respect to the parameters (for the fit), and the matrix of second derivatives with respect to the logarithmic
-strains (for stability).
+A model is an energy per reference volume W as a function of the principal stretches, with λ₁λ₂λ₃ = 1. All other
+quantities are derivatives of it: the engineering stress of a test in its mode (`solen.material.stiffness.modes`), the
+derivatives of the stress with respect to the parameters (for the fit), and the matrix of second derivatives with
+respect to the logarithmic strains (for stability).
 
 - `Polynomial`: W = Σ C_ij (I₁ − 3)^i (I₂ − 3)^j: neo-Hookean (C10), Mooney-Rivlin (C10, C01; Mooney 1940, Rivlin 1948)
   and Yeoh (C10, C20, C30; Yeoh 1993). Linear in its parameters.
@@ -37,11 +37,11 @@ class Model(ABC):
 
     @abstractmethod
     def energy(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Return W in MPa (= mJ/mm³) at the principal stretches λ₁ and λ₂; λ₃ follows."""
+        """Return W in MPa (= mJ/mm³) for the principal stretches λ₁ and λ₂, with λ₃ = 1/(λ₁λ₂)."""
 
     @abstractmethod
     def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Return ∂W/∂ln λ₁ and ∂W/∂ln λ₂ (λ₃ = 1/λ₁λ₂): Kirchhoff stresses minus the third, (stretches, 2) in MPa."""
+        """Return ∂W/∂ln λ₁ and ∂W/∂ln λ₂ in MPa, (stretches, 2): the first two Kirchhoff stresses minus the third."""
 
     @abstractmethod
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
@@ -53,7 +53,7 @@ class Model(ABC):
 
     @abstractmethod
     def hessian(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Return the second derivatives of W by ln λ₁ and ln λ₂ (λ₃ = 1/λ₁λ₂): (stretches, 2, 2) in MPa."""
+        """Return the second derivatives of W by ln λ₁ and ln λ₂ in MPa, (stretches, 2, 2)."""
 
     @abstractmethod
     def shear_modulus_row(self, parameters: ArrayLike) -> tuple[float, FloatArray]:
@@ -62,7 +62,7 @@ class Model(ABC):
 
 @dataclass(frozen=True)
 class Polynomial(Model):
-    """A polynomial of the invariants.
+    """A polynomial in the invariants.
 
     Attributes
     ----------
@@ -109,11 +109,11 @@ class Polynomial(Model):
         squares = np.stack([first, second, 1 / (first * second)]) ** 2
         a, b = _invariants((first, second, 1 / (first * second)))
         by_a, by_b = _gradient(squares, 1), _gradient(1 / squares, -1)
-        twice_a, twice_b = _curvature(squares), _curvature(1 / squares)
+        curvature_a, curvature_b = _curvature(squares), _curvature(1 / squares)
         matrix = np.zeros((*a.shape, 2, 2))
         for c, (i, j) in zip(np.asarray(parameters), self.terms, strict=True):
-            matrix += c * _times(_power(a, i, 1) * b**j, twice_a)
-            matrix += c * _times(a**i * _power(b, j, 1), twice_b)
+            matrix += c * _times(_power(a, i, 1) * b**j, curvature_a)
+            matrix += c * _times(a**i * _power(b, j, 1), curvature_b)
             matrix += c * _times(_power(a, i, 2) * b**j, _outer(by_a, by_a))
             matrix += c * _times(a**i * _power(b, j, 2), _outer(by_b, by_b))
             matrix += c * _times(_power(a, i, 1) * _power(b, j, 1), _outer(by_a, by_b) + _outer(by_b, by_a))
@@ -126,7 +126,7 @@ class Polynomial(Model):
 
 @dataclass(frozen=True)
 class Ogden(Model):
-    """Ogden's sum of powers of the principal stretches; parameters (μ₁ … μ_N in MPa, α₁ … α_N)."""
+    """Ogden's sum of powers of the principal stretches, with parameters μ₁ … μ_N in MPa and α₁ … α_N."""
 
     order: int
 
@@ -142,8 +142,8 @@ class Ogden(Model):
 
     def split(self, parameters: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the moduli μ_p in MPa, and the powers α_p."""
-        both = np.asarray(parameters, dtype=float)
-        return both[: self.order], both[self.order :]
+        array = np.asarray(parameters, dtype=float)
+        return array[: self.order], array[self.order :]
 
     def energy(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
         third = 1 / (first * second)
@@ -182,7 +182,7 @@ class Ogden(Model):
 
 
 def ogden_basis(powers: FloatArray, mode: Mode, stretch: FloatArray) -> FloatArray:
-    """Return the engineering stress of each of Ogden's terms at μ = 1: (stretches, terms)."""
+    """Return the engineering stress of each of Ogden's terms for μ = 1, (stretches, terms)."""
     terms = [c * stretch[:, None] ** (c * powers - 1) for c in mode.powers]
     return np.asarray(sum(terms) / mode.directions, dtype=float)
 
@@ -199,33 +199,33 @@ KINDS: dict[str, Model] = {
 
 
 def model(kind: str) -> Model:
-    """Return the model of a kind; `SpecError` if there is none."""
+    """Return the model of a kind; raise `SpecError` if there is none."""
     if kind not in KINDS:
         raise SpecError("fit", value=kind, limit=f"must be one of {', '.join(KINDS)}")
     return KINDS[kind]
 
 
 def _invariants(stretches: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return I₁ − 3 and I₂ − 3, set to 0 if negative from rounding, so that their powers are real."""
+    """Return I₁ − 3 and I₂ − 3; negative values due to rounding are set to 0, so that their powers are real."""
     squares = np.stack(stretches) ** 2
     return np.maximum(squares.sum(axis=0) - 3, 0.0), np.maximum((1 / squares).sum(axis=0) - 3, 0.0)
 
 
-def _power(base: FloatArray, exponent: int, derivative: int) -> FloatArray:
-    """Return a derivative of base^exponent."""
+def _power(base: FloatArray, exponent: int, order: int) -> FloatArray:
+    """Return the derivative of base^exponent of the given order."""
     factor = 1.0
-    for k in range(derivative):
+    for k in range(order):
         factor *= exponent - k
-    return np.zeros_like(base) if factor == 0 else factor * base ** (exponent - derivative)
+    return np.zeros_like(base) if factor == 0 else factor * base ** (exponent - order)
 
 
 def _gradient(squares: FloatArray, sign: int) -> FloatArray:
-    """Return the derivatives, by ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2)."""
+    """Return the derivatives of Σ λᵢ² (sign 1) or Σ λᵢ⁻² (sign −1) by ln λ₁ and ln λ₂, from its terms: (…, 2)."""
     return np.stack([2 * sign * (squares[0] - squares[2]), 2 * sign * (squares[1] - squares[2])], axis=-1)
 
 
 def _curvature(squares: FloatArray) -> FloatArray:
-    """Return the second derivatives, by ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2, 2)."""
+    """Return the second derivatives of Σ λᵢ² or Σ λᵢ⁻² by ln λ₁ and ln λ₂, from its terms: (…, 2, 2)."""
     cross = 4 * squares[2]
     rows = [[4 * squares[0] + cross, cross], [cross, 4 * squares[1] + cross]]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

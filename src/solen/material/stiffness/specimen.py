@@ -1,12 +1,12 @@
-"""Dimensions of a specimen, their uncertainties, and the effect of rough platens on a squat specimen.
+"""Dimensions of a specimen, their uncertainties, and the effect of friction on the platens.
 
-Stress and strain require an area and a length. The user's options have priority over the file's values, and their
-uncertainties enter the modulus: E ∝ length/area. A block pressed between platens that hold its ends cannot widen there,
-bulges, and appears stiffer than its material; the effect depends on the shape factor, a single loaded area over the
-area that is free to bulge.
+Stress and strain require an area and a length. Options have priority over the values in a file, and their uncertainties
+contribute to that of the modulus, E ∝ length/area. A block whose ends cannot slide on the platens cannot widen there;
+it bulges and appears stiffer than its material. The effect depends on the shape factor, which is the area of one loaded
+face divided by the area that is free to bulge.
 
-`specimen_of` makes a `Specimen` from `Dimensions` and a file's metadata; `held_ends` returns the apparent over the true
-modulus of a block that does not slip.
+`specimen_of` makes a `Specimen` from `Dimensions` and the metadata of a file; `bonded_ratio` returns the ratio of the
+apparent to the true modulus of a block whose ends do not slide.
 """
 
 import math
@@ -23,14 +23,14 @@ from solen.spec.strict import Finite, Options, refused
 from solen.units import factor
 
 _SHAPE_FACTORS = (0.0, 1 / 12, 1 / 8, 1 / 5.6, 1 / 4, 1 / 2.8, 1 / 2, 1 / 1.6)
-_HELD = (1.0, 1.066, 1.102, 1.153, 1.232, 1.387, 1.668, 1.985)
-"""Apparent over true modulus of an incompressible square block with held ends, by shape factor: finite elements at
-small strain, extrapolated to a fine mesh, accurate to 0.3 %, which a test recomputes. Gent and Lindley's formula
-of 1959, 1 + 2S², is made for flat pads and gives 1.125 for a cube.
+_BONDED = (1.0, 1.066, 1.102, 1.153, 1.232, 1.387, 1.668, 1.985)
+"""Ratio of the apparent to the true modulus of an incompressible square block with bonded ends, for the shape factors
+above: from finite elements at small strain, extrapolated to a fine mesh, accurate to 0.3 %, which a test recomputes.
+Gent and Lindley's formula of 1959, 1 + 2S², is valid for flat pads and gives 1.125 for a cube.
 """
 
 _NUMBER = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([^\d\s].*)?", re.IGNORECASE)
-_HEADED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
+_WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
 _WORDS = {
     "width": "probenbreite b0, probenbreite, specimen width b0, specimen width, width, breite",
     "thickness": "probendicke a0, probendicke, specimen thickness a0, specimen thickness, thickness, dicke",
@@ -46,38 +46,50 @@ _FILE_SECTIONS = (("width", "thickness"), ("diameter",), ("area",))
 
 
 class Dimensions(Options):
-    """Stated dimensions of a specimen."""
+    """Specified dimensions of a specimen."""
 
     cube_mm: Finite | None = Field(None, gt=0.0)
-    """Side of a compressed cube, instead of all of the following."""
+    """Side of a compressed cube in mm, instead of the dimensions below."""
     length_mm: Finite | None = Field(None, gt=0.0)
-    """Gauge length, or height in compression, by which the displacement is divided; overrides the file's strain."""
+    """Gauge length, or height in compression, in mm, by which the displacement is divided; overrides the strain in the
+    file.
+    """
     area_mm2: Finite | None = Field(None, gt=0.0)
-    """Cross-section before the test in mm²."""
+    """Area of the cross-section before the test in mm²."""
     strip_width_mm: Finite | None = Field(None, gt=0.0)
-    """Width of the cross-section, with --thickness-mm."""
+    """Width of the cross-section in mm, with --thickness-mm."""
     thickness_mm: Finite | None = Field(None, gt=0.0)
-    """Thickness of the cross-section, with --strip-width-mm."""
+    """Thickness of the cross-section in mm, with --strip-width-mm."""
     diameter_mm: Finite | None = Field(None, gt=0.0)
-    """Diameter of a round cross-section."""
+    """Diameter of a round cross-section in mm."""
     u_geometry_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of each of these lengths, assuming independent errors."""
+    """Standard uncertainty of each of these lengths in mm; their errors are assumed independent."""
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        statements = [self.area_mm2, self.diameter_mm, self.cube_mm, self.strip_width_mm or self.thickness_mm]
-        if sum(statement is not None for statement in statements) > 1:
-            raise refused("area_mm2", "the cross-section is specified in more than one way", remedy="keep one of them")
+    def _check_section(self) -> Self:
+        sections = {
+            "--area-mm2": self.area_mm2,
+            "--diameter-mm": self.diameter_mm,
+            "--cube-mm": self.cube_mm,
+            "--strip-width-mm": self.strip_width_mm or self.thickness_mm,
+        }
+        given = [option for option, value in sections.items() if value is not None]
+        if len(given) > 1:
+            limit = f"is specified by {' and '.join(given)}"
+            raise refused("cross-section", limit, remedy="omit all but one of them")
         if (self.strip_width_mm is None) != (self.thickness_mm is None):
-            raise refused("strip_width_mm", "a cross-section requires both --strip-width-mm and --thickness-mm")
+            missing, other = "strip_width_mm", "--thickness-mm"
+            if self.thickness_mm is None:
+                missing, other = "thickness_mm", "--strip-width-mm"
+            raise refused(missing, f"is required with {other}", remedy="specify both")
         if self.cube_mm is not None and self.length_mm is not None:
-            raise refused("length_mm", "a cube's length is its side", remedy="remove one of the two")
+            raise refused("length_mm", "cannot be combined with --cube-mm", remedy="omit one of the two")
         return self
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """Dimensions for stress and strain; None for those that neither the user nor the file states.
+    """Dimensions for stress and strain; None for those that are specified neither by the user nor in the file.
 
     Attributes
     ----------
@@ -86,13 +98,13 @@ class Specimen:
     perimeter_mm
         Perimeter of the cross-section; that of a square if only the area is known.
     u_length, u_area
-        Relative standard uncertainties; None if not known.
+        Relative standard uncertainties; None if unknown.
     source
-        Origin of the numbers, in words.
+        Source of the dimensions, in words.
     area_error_per_mm
-        Relative error of the area per 1 mm of error in each of its sides or its diameter.
+        Relative error of the area for an error of 1 mm in each of its sides or its diameter.
     is_cube, length_by_user
-        Whether the user states a cube, and a length.
+        Whether the user specified a cube, and a length.
     """
 
     length_mm: float | None
@@ -107,7 +119,7 @@ class Specimen:
 
     @property
     def shape_factor(self) -> float | None:
-        """One loaded area over the area free to bulge; None if a dimension is not known."""
+        """Area of one loaded face divided by the area that is free to bulge; None if a dimension is unknown."""
         if self.length_mm is None or self.area_mm2 is None or self.perimeter_mm is None:
             return None
         return self.area_mm2 / (self.perimeter_mm * self.length_mm)
@@ -115,23 +127,23 @@ class Specimen:
 
 @dataclass(frozen=True)
 class _Section:
-    """Area, perimeter, and relative error of the area per 1 mm of error in each of its lengths."""
+    """Area, perimeter, and relative error of the area for an error of 1 mm in each of its lengths."""
 
     area_mm2: float
     perimeter_mm: float
     error_per_mm: float
 
 
-def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -> Specimen:
-    """Return the specimen from the user's statements, completed by the file's metadata.
+def specimen_of(dimensions: Dimensions, metadata: Mapping[str, str] | None = None) -> Specimen:
+    """Return the specimen with the specified dimensions, completed by those in the metadata of the file.
 
     Raises
     ------
     DataError
-        If a length or area stated by the file is not positive.
+        If a length or area in the file is not positive.
     """
     in_file = _from_metadata(metadata or {})
-    length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
+    length, section = dimensions.cube_mm or dimensions.length_mm, _specified_section(dimensions)
     headings: list[str] = []
     if length is None and "length" in in_file:
         length, heading = in_file["length"]
@@ -140,42 +152,45 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
         names = next((names for names in _FILE_SECTIONS if set(names) <= in_file.keys()), ())
         section = _section(**{name: in_file[name][0] for name in names})
         headings += [in_file[name][1] for name in names]
-    u_mm = stated.u_geometry_mm
+    u_mm = dimensions.u_geometry_mm
     return Specimen(
         length_mm=length,
         area_mm2=section.area_mm2 if section else None,
         perimeter_mm=section.perimeter_mm if section else None,
         u_length=None if u_mm is None or length is None else u_mm / length,
         u_area=None if u_mm is None or section is None else u_mm * section.error_per_mm,
-        source=", ".join([*_options(stated), *(f"{heading} of the file" for heading in headings)]),
+        source=", ".join([*_options(dimensions), *(f"{heading} in the file" for heading in headings)]),
         area_error_per_mm=None if section is None else section.error_per_mm,
-        is_cube=stated.cube_mm is not None,
-        length_by_user=stated.cube_mm is not None or stated.length_mm is not None,
+        is_cube=dimensions.cube_mm is not None,
+        length_by_user=dimensions.cube_mm is not None or dimensions.length_mm is not None,
     )
 
 
-def held_ends(shape_factor: float) -> float | None:
-    """Return apparent over true Young's modulus of a block with held ends; None for a flat pad beyond the table."""
+def bonded_ratio(shape_factor: float) -> float | None:
+    """Return the ratio of the apparent to the true Young's modulus of a block with bonded ends.
+
+    None for a pad that is flatter than those of the table.
+    """
     if not 0 < shape_factor <= _SHAPE_FACTORS[-1]:
         return None
-    return float(np.interp(shape_factor, _SHAPE_FACTORS, _HELD))
+    return float(np.interp(shape_factor, _SHAPE_FACTORS, _BONDED))
 
 
 def number_in(text: str, unit: str, heading: str = "") -> float | None:
-    """Return the number stated in metadata, in a unit; None if there is none.
+    """Return the number in an entry of metadata, converted to a unit; None if there is none.
 
-    The unit follows the number (``11.4 mm``), or is in its heading (``Width (mm)``); default: ``unit``.
+    The unit follows the number (``11.4 mm``), or is in the heading (``Width (mm)``); default: ``unit``.
     """
-    stated = _NUMBER.fullmatch(text.strip().strip('"'))
-    if stated is None:
+    number = _NUMBER.fullmatch(text.strip().strip('"'))
+    if number is None:
         return None
-    headed = _HEADED.fullmatch(heading)
-    scale = factor((stated[2] or (headed[2] if headed else "") or unit).strip(), unit)
-    return None if scale is None else float(stated[1].replace(",", ".")) * scale
+    with_unit = _WITH_UNIT.fullmatch(heading)
+    scale = factor((number[2] or (with_unit[2] if with_unit else "") or unit).strip(), unit)
+    return None if scale is None else float(number[1].replace(",", ".")) * scale
 
 
 def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
-    """Return the dimensions that a file states, each with its heading."""
+    """Return the dimensions in the metadata of a file, each with its heading."""
     plain = {_plain(heading): (heading, text) for heading, text in metadata.items()}
     dimensions: dict[str, tuple[float, str]] = {}
     for dimension, words in _WORDS.items():
@@ -185,29 +200,28 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
             if value is None:
                 continue
             if not 0 < value < math.inf:
-                raise DataError(
-                    heading, value=text, limit="must be above 0", remedy="specify the dimension as an option"
-                )
+                remedy = "specify the dimension as an option"
+                raise DataError(heading, value=text, limit="must be above 0", remedy=remedy)
             dimensions[dimension] = (value, heading)
             break
     return dimensions
 
 
 def _plain(heading: str) -> str:
-    headed = _HEADED.fullmatch(heading)
-    return " ".join((headed[1] if headed else heading).casefold().replace("_", " ").split())
+    with_unit = _WITH_UNIT.fullmatch(heading)
+    return " ".join((with_unit[1] if with_unit else heading).casefold().replace("_", " ").split())
 
 
-def _stated_section(stated: Dimensions) -> _Section | None:
-    if stated.cube_mm is not None:
-        return _section(width=stated.cube_mm, thickness=stated.cube_mm)
-    return _section(stated.strip_width_mm, stated.thickness_mm, stated.diameter_mm, stated.area_mm2)
+def _specified_section(dimensions: Dimensions) -> _Section | None:
+    if dimensions.cube_mm is not None:
+        return _section(width=dimensions.cube_mm, thickness=dimensions.cube_mm)
+    return _section(dimensions.strip_width_mm, dimensions.thickness_mm, dimensions.diameter_mm, dimensions.area_mm2)
 
 
 def _section(
     width: float | None = None, thickness: float | None = None, diameter: float | None = None, area: float | None = None
 ) -> _Section | None:
-    """Return the cross-section from its sides, its diameter, or its area, which is assumed to be square."""
+    """Return the cross-section from its sides, its diameter, or its area, for which a square is assumed."""
     if area is not None:
         width = thickness = math.sqrt(area)
     if width is not None and thickness is not None:
@@ -217,8 +231,8 @@ def _section(
     return None
 
 
-def _options(stated: Dimensions) -> list[str]:
-    """Return the user's options, written as on the command line."""
-    given = stated.model_dump(exclude_none=True, exclude={"u_geometry_mm"})
-    words = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in given.items())
-    return [words] if words else []
+def _options(dimensions: Dimensions) -> list[str]:
+    """Return the specified dimensions in one string, written as options on the command line."""
+    given = dimensions.model_dump(exclude_none=True, exclude={"u_geometry_mm"})
+    options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in given.items())
+    return [options] if options else []

@@ -1,10 +1,10 @@
 """Engineering and true stress and strain from the records of a testing machine.
 
-Engineering stress is force over the area before the test, engineering strain displacement over the length before it;
-compression is negative in both, regardless of the machine's sign. Stress or strain columns in the file are used
-unchanged. True stress and strain assume constant volume, λA = A₀: σ = Pλ, ε = ln λ, in all three modes. This is an
-approximation (rubbers: ν > 0.499; printed parts with voids less), and does not hold for a specimen that barrels or
-necks.
+Engineering stress is the force divided by the area before the test, and engineering strain is the displacement divided
+by the length before the test; compression is negative in both, regardless of the sign in the file. Stress and strain
+columns in a file are used unchanged, except for their sign. True stress and strain assume an incompressible specimen,
+λA = A₀: σ = Pλ, ε = ln λ, in all three modes. This is an approximation (ν > 0.499 for rubbers, lower for printed parts
+with voids), and does not hold for a specimen that barrels or necks.
 
 `as_test` converts arrays to a `StressStrain`; `solen.material.stiffness.columns` does so for a recording.
 """
@@ -23,10 +23,10 @@ from solen.results import HIDDEN, reported
 
 Loading = Literal["tension", "compression", "both"]
 _MIN_POINTS = 5
-_SHOWN = 400  # number of points of a curve in a result
-_BOTH = 0.05  # fraction of the range beyond zero above which a test has both directions
+_MAX_CURVE_POINTS = 400  # number of points of a curve in a result
+_MIN_REVERSE_FRACTION = 0.05  # of the strain range on the other side of zero, above which a test has both directions
 _STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # smallest change and largest magnitude
-_PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
+_MAX_STRAIN = 20.0  # a larger strain is probably in per cent
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +46,15 @@ class StressStrain:
     made_from
         Columns that contain stress and strain, or from which they are computed.
     area_used
-        Whether the stress is a force over the specimen's area.
+        Whether the stress is a force divided by the area of the specimen.
     from_displacement
-        Whether the strain is a displacement over a length, including slack and the machine's compliance.
+        Whether the strain is a displacement divided by a length, including slack and the compliance of the machine.
     compliance_removed
-        Whether the machine's compliance has been subtracted.
+        Whether the effect of the compliance has been subtracted.
     preload
-        Preload at which strain was set to zero, as the file states it; empty if it states none.
+        Preload at which strain was set to zero, in the words of the file; empty if the file specifies none.
     notes, warnings
-        Decisions and warnings, in sentences.
+        Notes on the evaluation, and warnings, one sentence each.
     """
 
     mode: Mode = field(metadata=HIDDEN)
@@ -72,7 +72,7 @@ class StressStrain:
 
     @property
     def stretch(self) -> FloatArray:
-        """λ = 1 + strain."""
+        """Stretch, λ = 1 + strain."""
         return 1 + self.strain
 
     @property
@@ -82,24 +82,24 @@ class StressStrain:
 
     @property
     def true_stress_MPa(self) -> FloatArray:
-        """Cauchy stress Pλ of an incompressible specimen."""
+        """Cauchy stress of an incompressible specimen, Pλ."""
         return self.stress_MPa * self.stretch
 
     @reported
     def curve(self) -> dict[str, FloatArray]:
-        """Engineering and true strain and stress: every point, or four hundred evenly spaced ones."""
+        """Engineering and true strain and stress of all points or, if there are more, of 400 evenly spaced ones."""
         count = len(self.strain)
-        rows = np.unique(np.linspace(0, count - 1, min(_SHOWN, count)).round().astype(int))
+        rows = np.unique(np.linspace(0, count - 1, min(_MAX_CURVE_POINTS, count)).round().astype(int))
         names = ("strain", "stress_MPa", "true_strain", "true_stress_MPa")
         return {name: getattr(self, name)[rows] for name in names}
 
     @property
     def sign(self) -> int:
-        """+1 if loading raises the strain, -1 in compression."""
+        """Sign of the strain during loading: -1 in compression, otherwise 1."""
         return -1 if self.loading == "compression" else 1
 
     def shifted(self, zero_strain: float) -> "StressStrain":
-        """Return the same test with strain counted from ``zero_strain`` (a strain of this test)."""
+        """Return the same test with strains relative to a strain of this test."""
         return replace(self, strain=self.strain - zero_strain)
 
 
@@ -110,7 +110,7 @@ def as_test(
     mode: TestMode | None = None,
     *,
     name: str = "test",
-    assumed: bool = False,
+    is_inferred: bool = False,
 ) -> StressStrain:
     """Return a test from engineering strain and stress in MPa, of either sign, shape (n,) each.
 
@@ -119,11 +119,11 @@ def as_test(
     strain, stress_MPa, specimen
         As in `StressStrain`; trailing NaNs are dropped.
     mode
-        None to infer it from the signs.
+        Mode of the test; None to infer it from the signs.
     name
-        Name of the test in errors.
-    assumed
-        Whether the mode is inferred rather than stated; ambiguities are then reported in warnings.
+        Name of the test in error messages.
+    is_inferred
+        Whether the user specified no mode; ambiguities are then reported in warnings.
 
     Raises
     ------
@@ -131,22 +131,21 @@ def as_test(
         If there are no data to evaluate.
     """
     strain, stress = _without_gaps(np.asarray(strain, dtype=float), np.asarray(stress_MPa, dtype=float), name)
-    loading, notes, warnings = _loading(strain, stress, mode, name, assumed)
+    loading, notes, warnings = _loading(strain, stress, mode, name, is_inferred)
     if loading != "both":
-        wanted = -1 if loading == "compression" else 1
-        strain, stress = wanted * sense(strain) * strain, wanted * sense(stress) * stress
+        sign = -1 if loading == "compression" else 1
+        strain, stress = sign * dominant_sign(strain) * strain, sign * dominant_sign(stress) * stress
     if (lowest := float(strain.min())) <= -1:
+        limit = "must be above -1, at which the length is 0"
         remedy = "check the length and the unit of the displacement or strain"
-        raise DataError(
-            f"{name}: strain",
-            value=lowest,
-            limit="must remain above -1, because no length remains there",
-            remedy=remedy,
-        )
-    if strain.max() > _PERCENT_BY_MISTAKE:
+        raise DataError(f"{name}: strain", value=lowest, limit=limit, remedy=remedy)
+    if strain.max() > _MAX_STRAIN:
         warnings = (
             *warnings,
-            warning(f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent"),
+            warning(
+                f"the largest strain is {strain.max():.4g} ({100 * strain.max():.4g} %): check that the values are not "
+                "in per cent"
+            ),
         )
     return StressStrain(
         mode=MODES.get(mode or "", UNIAXIAL),
@@ -160,44 +159,40 @@ def as_test(
 
 
 def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return both without missing rows at their end; `DataError` for gaps, too few points or no deformation."""
+    """Return both without missing rows at the end; raise `DataError` for gaps, too few points or no deformation."""
     if strain.shape != stress.shape or strain.ndim != 1:
-        raise DataError(name, limit=f"strain and stress differ in length: {strain.shape} and {stress.shape}")
-    there = np.isfinite(strain) & np.isfinite(stress)
-    last = int(np.flatnonzero(there)[-1]) + 1 if there.any() else 0
-    strain, stress, there = strain[:last], stress[:last], there[:last]
-    if not there.all():
-        row = int(np.flatnonzero(~there)[0]) + 1
-        limit = f"has no value in {int((~there).sum())} of {last} rows, the first of which is row {row}"
+        limit = f"must have as many strains as stresses, but their shapes are {strain.shape} and {stress.shape}"
+        raise DataError(name, limit=limit)
+    complete = np.isfinite(strain) & np.isfinite(stress)
+    count = int(np.flatnonzero(complete)[-1]) + 1 if complete.any() else 0
+    strain, stress, complete = strain[:count], stress[:count], complete[:count]
+    if not complete.all():
+        row = int(np.flatnonzero(~complete)[0]) + 1
+        limit = f"has no value in {int((~complete).sum())} of {count} rows, the first of which is row {row}"
         raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export again")
-    if last < _MIN_POINTS:
-        raise DataError(
-            f"{name}: points", value=last, limit=f"at least {_MIN_POINTS} are needed", remedy="export all of them"
-        )
-    _check_size(f"{name}: strain", strain, "", _STRAINS)
-    _check_size(f"{name}: stress", stress, " MPa", _STRESSES_MPA)
+    if count < _MIN_POINTS:
+        limit = f"must be at least {_MIN_POINTS}"
+        raise DataError(f"{name}: number of points", value=count, limit=limit, remedy="export all points")
+    _check_magnitude(f"{name}: strain", strain, "", _STRAINS)
+    _check_magnitude(f"{name}: stress", stress, " MPa", _STRESSES_MPA)
     return strain, stress
 
 
-def _check_size(what: str, values: FloatArray, unit: str, limits: tuple[float, float]) -> None:
-    """Raise `DataError` for values that do not change, or have a magnitude that no specimen shows."""
-    least, most = limits
+def _check_magnitude(name: str, values: FloatArray, unit: str, limits: tuple[float, float]) -> None:
+    """Raise `DataError` for values that do not change, or have a magnitude that no specimen can reach."""
+    min_change, max_magnitude = limits
     largest = float(values[int(np.argmax(np.abs(values)))])
-    if abs(largest) > most:
-        limit = f"is beyond {most:g}{unit}, which no specimen can reach"
-        raise DataError(what, value=largest, limit=limit, remedy="check the column and its unit")
-    if float(np.ptp(values)) <= least:
-        remedy = "check that the right columns were used, with enough digits"
-        raise DataError(what, value=float(values[0]), limit="is the same in every row", remedy=remedy)
+    if abs(largest) > max_magnitude:
+        limit = f"exceeds {max_magnitude:g}{unit}, which no specimen can reach"
+        raise DataError(name, value=largest, limit=limit, remedy="check the column and its unit")
+    if float(np.ptp(values)) <= min_change:
+        remedy = "check that the correct columns were used, with enough digits"
+        raise DataError(name, value=float(values[0]), limit="is the same in every row", remedy=remedy)
 
 
-def sense(values: FloatArray) -> int:
-    """Return the sign of the value furthest from zero."""
+def dominant_sign(values: FloatArray) -> int:
+    """Return the sign of the value with the largest magnitude."""
     return -1 if values[int(np.argmax(np.abs(values)))] < 0 else 1
-
-
-def _two_sided(strain: FloatArray) -> bool:
-    return bool(min(-strain.min(), strain.max()) > _BOTH * np.ptp(strain))
 
 
 def _loading(
@@ -205,35 +200,36 @@ def _loading(
     stress: FloatArray,
     mode: TestMode | None,
     name: str,
-    assumed: bool,
+    is_inferred: bool,
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
-    """Return the direction of loading, the decision in words, and warnings."""
-    if mode in {None, "uniaxial"} and _two_sided(strain):
-        return _both_ways(strain, stress, name)
-    exported = (sense(strain), sense(stress))
-    signs = f"exported with {'positive' if exported[0] > 0 else 'negative'} strain and "
-    signs += f"{'positive' if exported[1] > 0 else 'negative'} force"
+    """Return the direction of loading, a note on how it was determined, and warnings."""
+    reverse_strain = min(-strain.min(), strain.max())
+    if mode in {None, "uniaxial"} and reverse_strain > _MIN_REVERSE_FRACTION * np.ptp(strain):
+        return _both_directions(strain, stress, name)
+    strain_sign, stress_sign = dominant_sign(strain), dominant_sign(stress)
+    words = {1: "positive", -1: "negative"}
+    signs = f"exported with {words[strain_sign]} strain and {words[stress_sign]} force"
     if mode == "tension" or mode == "compression":
         return mode, (f"{mode}, {signs}; compression is negative in the results",), ()
     if mode in {"planar", "equibiaxial"}:
         return "tension", (f"{mode} tension, {signs}",), ()
-    if exported[0] != exported[1]:
+    if strain_sign != stress_sign:
         limit = f"is {signs}, which may be tension or compression"
-        raise DataError(name, limit=limit, remedy="specify it: --mode tension or --mode compression")
-    if exported[0] < 0:
+        raise DataError(name, limit=limit, remedy="specify --mode tension or --mode compression")
+    if strain_sign < 0:
         return "compression", (f"compression, inferred from its signs: {signs}",), ()
     warnings: tuple[Caution, ...] = ()
-    if assumed:
+    if is_inferred:
         warnings = (
             warning(
-                "tension is assumed: the file specifies no mode and all signs are positive; otherwise "
-                "specify --mode compression"
+                "the mode is not specified, and tension is assumed because all signs are positive: if this was a "
+                "compression test, specify --mode compression"
             ),
         )
     return "tension", (f"tension, inferred from its signs: {signs}",), warnings
 
 
-def _both_ways(
+def _both_directions(
     strain: FloatArray, stress: FloatArray, name: str
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.material.cure import CureOptions, MeasuredCurve
-from solen.material.cure.discs import curves_of_discs, with_lamp
-from solen.material.resin_from_results import lamp_fit
+from solen.material.cure.discs import curves_of_discs, with_spectral_law
+from solen.material.resin_from_results import spectral_fit
 from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
@@ -28,13 +28,14 @@ def cure(
     Parameters
     ----------
     files
-        A table with a row for each cured disc: thickness, and dose or time; further tables, e.g. of other resins, are
-        fitted separately and drawn beside the first.
+        A table with a row for each cured disc: thickness, and dose or time. Further tables, for example of other
+        resins, are fitted separately and drawn in the same figure.
     penetration
-        Result of solen resin penetration (.json) with this printer's lamp: its law is compared with Jacobs'.
+        Result of solen resin penetration (.json) for the printer's lamp: the cure law for the spectrum of the lamp is
+        compared with Jacobs' law.
     """
     check_outputs(out, figure)
     result = curves_of_discs([read(path, sheet=sheet) for path in files], options)
     if penetration is not None:
-        result = with_lamp(result, lamp_fit(penetration, result))
+        result = with_spectral_law(result, spectral_fit(penetration, result))
     return write(result, "cure", out, figure=figure)

@@ -1,4 +1,4 @@
-"""Comparison of layers by exposure: files of spectra as input, the result and its figure as output."""
+"""Comparison of layers with different exposures: files of spectra as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,12 +20,13 @@ def exposures(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[ExposureTrends]:
-    """Compare the transmittance of layers by exposure, and their index if R was measured.
+    """Compare the transmittance of layers with different exposures, and their index if R was measured.
 
     Parameters
     ----------
     files
-        Spectra with exposures in the names of traces or files ("2 s"), or tables of exposure_s, wavelength_nm, T.
+        Spectra with exposures in the names of traces or files ("2 s"), or tables with columns exposure_s, wavelength_nm
+        and T.
     """
     check_outputs(out, figure)
     result = exposure_trends([read(file, sheet=sheet) for file in files], options)

@@ -6,7 +6,7 @@ from typing import Annotated
 from solen import __version__, files
 from solen.material.facts import ResinFacts, ShowOptions, facts_of
 from solen.material.resin import dumps_resin, resin_of
-from solen.material.resin_from_results import BuildOptions, gather
+from solen.material.resin_from_results import BuildOptions, build_resin
 from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, check_new, check_outputs, write
 from solen.report.options import FigureOptions
@@ -32,7 +32,7 @@ def build(
     Parameters
     ----------
     out
-        The resin file, a .toml.
+        The resin file, a .toml file.
     index
         Result of solen resin index or solen resin refractometer.
     refractometer
@@ -57,10 +57,10 @@ def build(
     """
     check_ending(out, "a resin file", ".toml")
     check_new(out, force=force)
-    given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
-    given |= {"refractometer": refractometer, "penetration": penetration}
-    results = {option: path for option, path in given.items() if path is not None}
-    resin = gather(results, options)
+    paths = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
+    paths |= {"refractometer": refractometer, "penetration": penetration}
+    results = {option: path for option, path in paths.items() if path is not None}
+    resin = build_resin(results, options)
     files.write_text(out, dumps_resin(resin, f"Written by solen {__version__}."))
     return Outcome(facts_of(resin, str(out)), {"resin": out})
 

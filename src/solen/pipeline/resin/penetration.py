@@ -20,7 +20,7 @@ def penetration(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[Penetration]:
-    """Compute the penetration depth of a resin from its absorbance, Dp = path / (A ln 10), in a lamp's light.
+    """Compute the penetration depth of a resin from its absorbance, for the spectrum of the printer's lamp.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Index from a refractometer against wavelength: the result and its figure as output."""
+"""Index from a refractometer: measured values as input, the index against wavelength and its figure as output."""
 
 from typing import Annotated
 
@@ -17,7 +17,7 @@ def refractometer(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[RefractometerIndex]:
-    """Extend an index from a refractometer or ellipsometer to other wavelengths, with typical polymer dispersion.
+    """Extend an index from a refractometer or ellipsometer to other wavelengths, with the dispersion of polymers.
 
     Parameters
     ----------

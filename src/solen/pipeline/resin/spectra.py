@@ -27,11 +27,11 @@ def spectra(
     Parameters
     ----------
     files
-        A Cary export, a table with a column of wavelengths, or a workbook of either; several are drawn into one figure.
+        A Cary export, a table with a column of wavelengths, or a workbook of either; several are drawn in one figure.
     trace
         Name of a trace; repeatable; default: all.
     repeats
-        Draw traces whose names differ only in their last number as one: mean and standard deviation.
+        Draw the mean and standard deviation of traces whose names differ only in their last number.
     """
     check_outputs(None, figure)
     recordings = [chosen_rows(read(path, sheet=sheet), rows) for path in files]

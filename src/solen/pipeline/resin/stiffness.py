@@ -40,17 +40,17 @@ def stiffness(
     files
         Exports of a testing machine or tables, one specimen each.
     compression
-        Further files, of compression tests, fitted jointly with the others.
+        Further files of compression tests, which are fitted jointly with the others.
     planar
-        Further files, of planar tension (pure shear) tests.
+        Further files of planar tension (pure shear) tests.
     biaxial
-        Further files, of equibiaxial tension tests.
+        Further files of equibiaxial tension tests.
     label
         Name of the material: one for all files, or one per file in the order above. Equal labels mark replicates.
     columns
         Names of the columns of tables without a header, such as stress_MPa stretch.
     csv
-        Write engineering and true stress and strain of all specimens as a table.
+        Write engineering and true stress and strain of all specimens to a table.
 
     Raises
     ------
@@ -59,30 +59,28 @@ def stiffness(
     """
     check_outputs(out, figure)
     check_ending(csv, "a table", ".csv")
-    stated: list[tuple[Path, TestMode | None]] = [(path, options.mode) for path in files]
-    stated += [(path, "compression") for path in compression]
-    own = len(stated)
-    stated += [(path, "planar") for path in planar]
-    stated += [(path, "equibiaxial") for path in biaxial]
-    if not stated:
-        raise SpecError("stiffness", limit="needs a file", remedy="name one or more exports")
-    if len(label) not in {0, 1, len(stated)}:
-        limit = f"must be one for all files, or one for each of the {len(stated)}"
-        raise SpecError("--label", value=len(label), limit=limit)
-    each = tuple(label) if len(label) == len(stated) else (*label, "")[:1] * len(stated)
+    inputs: list[tuple[Path, TestMode | None]] = [(path, options.mode) for path in files]
+    inputs += [(path, "compression") for path in compression]
+    uniaxial = len(inputs)
+    inputs += [(path, "planar") for path in planar]
+    inputs += [(path, "equibiaxial") for path in biaxial]
+    if not inputs:
+        raise SpecError("stiffness", limit="requires a file", remedy="name one or more exports")
+    if len(label) not in {0, 1, len(inputs)}:
+        limit = f"must occur once, or {len(inputs)} times, once for each file, but occurs {len(label)} times"
+        raise SpecError("--label", limit=limit)
+    labels = tuple(label) if len(label) == len(inputs) else (*label, "")[:1] * len(inputs)
     tests = [
         MechanicalTest(
             recording=recording,
             mode=mode,
             label=label,
-            dimensions=dimensions if number < own else Dimensions(),
-            compliance_mm_per_N=options.compliance_mm_per_N if number < own else 0.0,
+            dimensions=dimensions if number < uniaxial else Dimensions(),
+            compliance_mm_per_N=options.compliance_mm_per_N if number < uniaxial else 0.0,
             name=name,
         )
-        for number, ((path, mode), label) in enumerate(zip(stated, each, strict=True))
+        for number, ((path, mode), label) in enumerate(zip(inputs, labels, strict=True))
         for name, recording in read_parts(path, sheet=sheet, columns=columns)
     ]
-    measured_stiffness = stiffness_of(tests, options)
-    return write(
-        measured_stiffness, "stiffness", out, {"csv": (csv, lambda: measured_stiffness.table().encode())}, figure=figure
-    )
+    result = stiffness_of(tests, options)
+    return write(result, "stiffness", out, {"csv": (csv, lambda: result.table().encode())}, figure=figure)

@@ -13,27 +13,27 @@ _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
-    """Draw spectra by exposure (repeats as mean ± SD), and values at some wavelengths against exposure."""
+    """Draw spectra by exposure (repeats as mean ± SD), and transmittances at some wavelengths against exposure."""
     figure = Figure(figsize=(9.0, 3.6))
     left, right = figure.subplots(1, 2)
-    _spectra(left, trends.layers)
-    _values(right, trends)
+    _draw_spectra(left, trends.layers)
+    _draw_trends(right, trends)
     if trends.simulated:
         figure.suptitle("simulated")
     return figure
 
 
-def _spectra(axes: Axes, samples: Sequence[Sample]) -> None:
+def _draw_spectra(axes: Axes, samples: Sequence[Sample]) -> None:
     for number, seconds in enumerate(sorted({sample.exposure_s for sample in samples})):
-        alike = [sample for sample in samples if sample.exposure_s == seconds]
-        marker = MARKERS[number % len(MARKERS)] if alike[0].wavelength_nm.size < _FEW_POINTS else ""
-        curves = [(sample.wavelength_nm, 100.0 * sample.transmittance) for sample in alike]
+        group = [sample for sample in samples if sample.exposure_s == seconds]
+        marker = MARKERS[number % len(MARKERS)] if group[0].wavelength_nm.size < _FEW_POINTS else ""
+        curves = [(sample.wavelength_nm, 100.0 * sample.transmittance) for sample in group]
         draw_repeats(axes, curves, number, f"{seconds:g} s", marker=marker, ms=3, lw=1.3)
     axes.set(xlabel="wavelength (nm)", ylabel="transmittance (%)")
     axes.legend()
 
 
-def _values(axes: Axes, trends: ExposureTrends) -> None:
+def _draw_trends(axes: Axes, trends: ExposureTrends) -> None:
     seconds = trends.exposure_s
     ends = np.array([seconds.min(), seconds.max()])
     for number, row in enumerate(trends.wavelengths):

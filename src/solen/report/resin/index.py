@@ -1,4 +1,4 @@
-"""The index figure: transmittance, absorbance and index against wavelength, and the evaluation used."""
+"""The index figure: transmittance, absorbance and index against wavelength."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,12 +14,12 @@ TITLES = {
     "absorptance": "from T and absorptance, R = 1 − T − A",
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
-    "joint": "with that of its bare substrate, both measured",
+    "joint": "fitted jointly with its bare substrate",
     "fringes": "from levels and fringes of its spectra",
 }
-"""Titles for the modes."""
+"""Titles, keyed by mode."""
 
-_NEAR = 0.2  # distance from n up to which a band is drawn
+_MAX_DISTANCE = 0.2  # largest distance from n at which the range of the literature is drawn
 
 
 def index_figure(index: LayerIndex) -> Figure:
@@ -38,20 +38,20 @@ def index_figure(index: LayerIndex) -> Figure:
     return figure
 
 
-def _style(nm: FloatArray, place: int = 0) -> str:
-    """Return the style of a line, or of dots if there are few points; a second position selects a different style."""
-    return ("o", "s")[place] if nm.size < 12 else ("-", "--")[place]
+def _style(nm: FloatArray, number: int = 0) -> str:
+    """Return the style of the first or second curve: a line, or dots if there are few points."""
+    return ("o", "s")[number] if nm.size < 12 else ("-", "--")[number]
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
-    """Leave room for the legend above, and draw calculated curves next to the measured ones."""
+    """Return axis limits with room for the legend at the top."""
     return low - 0.05 * (high - low), high + 0.55 * (high - low)
 
 
 def _draw_light(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
-    against = ", against the bare substrate" if index.baseline == "substrate" else ""
+    reference = ", relative to the bare substrate" if index.baseline == "substrate" else ""
     if np.isfinite(index.T).any():
-        axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{against}")
+        axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{reference}")
     if index.mode in {"measured", "fringes", "joint"} and np.isfinite(index.R).any():
         axes.plot(nm, index.R, _style(nm, 1), color=LEFT, ms=3, lw=1.4, label="R")
     elif index.mode not in {"lossless", "fringes", "joint"}:
@@ -65,13 +65,12 @@ def _draw_loss(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     t, r = index.T, index.R
     absorbance = -np.log10(np.where(t > 0.0, t, np.nan))
     axes.plot(nm, absorbance, _style(nm), color=RIGHT, ms=3, lw=1.4, label="absorbance −log10 T")
-    if (
-        index.mode in {"measured", "absorptance", "fringes"} and np.isfinite(r).any() and not index.options.substrate
-    ):  # T and R of one baseline
+    has_absorptance = index.mode in {"measured", "absorptance", "fringes"} and np.isfinite(r).any()
+    if has_absorptance and not index.options.substrate:  # T and R have the same reference
         axes.plot(nm, 1.0 - r - t, _style(nm, 1), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
         axes.legend()
     axes.axhline(0.0, color=INK, lw=0.6)
-    axes.set_ylabel("A, of two kinds" if axes.get_legend() else "absorbance −log10 T")
+    axes.set_ylabel("absorbance or absorptance" if axes.get_legend() else "absorbance −log10 T")
 
 
 def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
@@ -94,13 +93,13 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
 
 
 def _draw_literature(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
-    """Draw the band of published indices if it is close enough to share the axes."""
-    known, (least, most) = index.literature, axes.get_ylim()
-    if known is None:
+    """Draw the range of published indices if it is close to the measured ones."""
+    literature, (bottom, top) = index.literature, axes.get_ylim()
+    if literature is None:
         return
-    low, high = known.low, known.high
-    if np.isfinite(low).any() and np.nanmin(low) < most + _NEAR and np.nanmax(high) > least - _NEAR:
-        label = f"literature: {', '.join(known.polymers)}"
+    low, high = literature.low, literature.high
+    if np.isfinite(low).any() and np.nanmin(low) < top + _MAX_DISTANCE and np.nanmax(high) > bottom - _MAX_DISTANCE:
+        label = f"literature: {', '.join(literature.polymers)}"
         axes.fill_between(nm, low, high, color=SOFT, alpha=0.6, lw=0, zorder=0, label=label)
 
 

@@ -12,13 +12,13 @@ from solen.material.resin import Resin
 from solen.report.canvas import INK, LEFT, RIGHT
 from solen.spec.strict import error_context
 
-SHOWN_NM = (400.0, 1000.0)
-"""Wavelengths drawn if an index has no specified limits."""
+DEFAULT_RANGE_NM = (400.0, 1000.0)
+"""Wavelengths drawn if an index has no limits."""
 POINTS = 301
 
 
 def facts_figure(facts: ResinFacts) -> Figure:
-    """Draw the index of a resin against wavelength, with the requested wavelengths.
+    """Draw the index of a resin against wavelength, with its values at the requested wavelengths.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def facts_figure(facts: ResinFacts) -> Figure:
 
 
 def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
-    """Draw index against wavelength, its standard uncertainty as a band; dashed where it was not measured.
+    """Draw index against wavelength, with its standard uncertainty as a band; dashed if it is as published.
 
     Raises
     ------
@@ -40,21 +40,21 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
     """
     low, high = resin.index.range_nm
     if high <= low:
-        raise DataError("figure", limit="the resin has no index to draw", remedy="leave --figure out")
-    low = max(low, SHOWN_NM[0]) if low == 0.0 else low
-    high = high if np.isfinite(high) else SHOWN_NM[1]
+        raise DataError("figure", limit="the resin has no index to draw", remedy="omit --figure")
+    low = low or DEFAULT_RANGE_NM[0]
+    high = high if np.isfinite(high) else DEFAULT_RANGE_NM[1]
     wavelengths = np.unique([*np.linspace(low, high, POINTS), *(nm for nm in at_nm if low <= nm <= high)])
     n = np.array([resin.index.index(float(nm)) for nm in wavelengths])
     u = [resin.index.u_index(float(nm)) for nm in wavelengths]
-    published = resin.index.mode == AS_PUBLISHED
+    is_published = resin.index.mode == AS_PUBLISHED
     figure = Figure(figsize=(6.0, 3.6))
     axes = figure.add_subplot()
     if all(value is not None for value in u):
         band = np.array(u, dtype=float)
         axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
-    mode = resin.index.mode or resin.index.kind
-    label = "as published: see warning" if published else mode
-    axes.plot(wavelengths, n, color=LEFT if published else RIGHT, lw=1.8, ls="--" if published else "-", label=label)
+    label = "as published: see the warning" if is_published else resin.index.mode or resin.index.kind
+    colour, dashes = (LEFT, "--") if is_published else (RIGHT, "-")
+    axes.plot(wavelengths, n, color=colour, lw=1.8, ls=dashes, label=label)
     if isinstance(resin.index, Tabulated):
         axes.plot(resin.index.wavelength_nm, resin.index.n, ".", color=INK, ms=4)
     for nm in at_nm:
