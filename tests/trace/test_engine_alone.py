@@ -107,7 +107,7 @@ def test_a_curve_it_does_not_know_is_refused_and_the_reference_takes_it() -> Non
 
 def test_a_negative_number_of_threads_is_refused() -> None:
     for threads in (-1, 0):
-        with pytest.raises(DesignError, match=f"threads = {threads}; must be a whole number"):
+        with pytest.raises(DesignError, match=f"threads = {threads}; must be an integer"):
             trace(ball(CHUNK + 1), threads=threads)
 
 

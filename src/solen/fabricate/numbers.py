@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from numpy.polynomial import polynomial
 
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.geometry import Body
 from solen.geometry.body import Face
 from solen.geometry.network import drawn_lenses, network_lenses, plan_of
@@ -74,7 +74,7 @@ def _receivers(design: Design, body: Body) -> Iterator[_Row]:
         where = (
             f", {receiver.side} side of {receiver.guide} from {receiver.from_mm:.4g} mm" if receiver.guide else where
         )
-        size = f"{Measure(curve).length_mm:.4g} mm long{where}"
+        size = f"{ArcLength(curve).length_mm:.4g} mm long{where}"
         yield "receiver", receiver.name, size, _beside(body, f"receiver-{receiver.name}", inside=False)
 
 

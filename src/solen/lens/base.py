@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.curve import Curve, fitted
+from solen.curve import Curve, fitted_spline
 from solen.plane import Point, dot, unit
 from solen.results import Result, reported
 
@@ -182,7 +182,7 @@ class DeviatingLens(CurvedLens):
         def velocity(x: FloatArray) -> FloatArray:
             return np.column_stack([np.ones_like(x), self.slope(x)])
 
-        return fitted(place, velocity, self.curve_within_mm, self.breaks_mm)
+        return fitted_spline(place, velocity, self.curve_within_mm, self.breaks_mm)
 
     @property
     def breaks_mm(self) -> tuple[float, ...]:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Spline, check_range, fitted
+from solen.curve import Spline, check_range, fitted_spline
 from solen.errors import DesignError
 from solen.lens.face import Face
 from solen.lens.optics import OvalLens
@@ -67,7 +67,7 @@ class LensInSpace(OvalLens, eq=True):
             return np.column_stack([np.ones_like(x), self.slope_at(x, np.full_like(x, y_mm))])
 
         half = self.half_width_mm
-        return fitted(place, velocity, SECTION_MM, (-half, -0.5 * half, 0.0, 0.5 * half, half))
+        return fitted_spline(place, velocity, SECTION_MM, (-half, -0.5 * half, 0.0, 0.5 * half, half))
 
     @property
     def middle(self) -> OvalLens:
