@@ -9,7 +9,7 @@ import pytest
 
 from solen.errors import DesignError, SpecError
 from solen.geometry import Front
-from solen.lens import GivenLayers, LayeredLens, LensInSpace, LineFocusLens, Profiles
+from solen.lens import LayeredLens, LayeredLensFromFile, LayerProfiles, LensInSpace, LineFocusLens
 from solen.plane import Rigid
 from solen.scene import Monitor, Scene, dumps
 from solen.sensor import Sensor, why_inert
@@ -30,12 +30,12 @@ def behind_front(scene: Scene, lens: LensInSpace, angle_deg: float) -> Scene:
     return replace(scene, front=Front("lens", lens, Rigid.about((0.0, lens.depth_mm), angle_deg)))
 
 
-def given(edges_mm: list[float], bend_per_mm: float) -> GivenLayers:
+def given(edges_mm: list[float], bend_per_mm: float) -> LayeredLensFromFile:
     """Layers whose profiles are parabolas, from 4 mm of body."""
     edges = np.array(edges_mm)
     middles, x = 0.5 * (edges[1:] + edges[:-1]), np.linspace(0.0, 2.0, 81)
     z = 0.3 + 0.1 * middles[:, None] ** 2 + bend_per_mm * x**2
-    return GivenLayers(**PAPER, layer_mm=0.1, given=Profiles("parabolas", 2.0, edges, z, simulated=True))
+    return LayeredLensFromFile(**PAPER, layer_mm=0.1, file=LayerProfiles("parabolas", 2.0, edges, z, simulated=True))
 
 
 @pytest.mark.parametrize("values", [{}, {"absorption_per_mm": 0.01}, {"motion.kind": "bend"}, {"emitter.y_mm": 0.7}])
@@ -85,13 +85,13 @@ def test_the_plain_tracer_agrees(lens: dict[str, object], values: dict[str, obje
     same(sampled(made, -2.0), trace_space_reference(made.scene(-2.0, 1500), seed=5), errors=3.5)
 
 
-def grown() -> GivenLayers:
+def grown() -> LayeredLensFromFile:
     """Slabs of 0.5 mm that stand out towards the emitter, more so on top, with the ripple of pixels."""
     plain = LayeredLens(**PAPER, layer_mm=0.5)
     x, out = np.linspace(0.0, 2.0, 257), 0.04 + 0.01 * plain.middles_mm[:, None]
     z = plain.profiles[0] - out - 3e-4 * np.cos(2.0 * np.pi * x / 0.05)
-    given = Profiles("grown", 2.0, plain.edges_mm, z, simulated=True)
-    return GivenLayers(**PAPER, layer_mm=0.5, given=given)
+    given = LayerProfiles("grown", 2.0, plain.edges_mm, z, simulated=True)
+    return LayeredLensFromFile(**PAPER, layer_mm=0.5, file=given)
 
 
 def test_the_plain_tracer_agrees_on_a_printed_lens() -> None:

@@ -26,7 +26,7 @@ from solen.fabricate.process import (
 from solen.fabricate.process.face_print import FacePrint
 from solen.fabricate.process.stack import Stack
 from solen.geometry import section
-from solen.lens import GivenLayers, LayeredLens, read_layers
+from solen.lens import LayeredLens, LayeredLensFromFile, read_layers
 from solen.pipeline.print.predict import predict
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import LensResponse, lens_responses
@@ -130,7 +130,7 @@ def test_a_printed_lens_goes_back_into_the_design(files: tuple[Path, PrintedLaye
     assert made.layers == 10  # of the process's 50 µm: the design states none
     assert made.simulated
     lens = Sensor.of(with_values(load(folder / "lens.toml"), {"lens.profile": "printed.json"})).lens
-    assert isinstance(lens, GivenLayers)
+    assert isinstance(lens, LayeredLensFromFile)
     assert lens.simulated
     assert "predicted by a print model" in " ".join(lens.warnings)
     assert lens.z_at(np.array([0.3]), np.array([-0.225])) == pytest.approx(made.face.printed[-1, 128], abs=1e-6)

@@ -75,11 +75,11 @@ def test_fan_and_integral_agree_on_the_uncertainty_of_the_shape(
     angles = (-1.0, 0.4)
     response, designed = measured.power(angles), measured.as_designed.power(angles)
     by_fan = as_printed(measured, response, designed, draws=2).emitter.u_shape
-    monkeypatch.setattr("solen.lens.measured.DRAWN_CURVE_SHARE", 0.0)
+    monkeypatch.setattr("solen.lens.measured.OUTLINE_TOLERANCE", 0.0)
     lens = measured.cut
     assert isinstance(lens, MeasuredLens)
     deviations = [
-        replace(measured, cut=lens.drawn_within(k)).power(angles, tolerance=1e-4).contrast - response.contrast
+        replace(measured, cut=lens.with_outline(k)).power(angles, tolerance=1e-4).contrast - response.contrast
         for k in (1, 2)
     ]
     assert by_fan == pytest.approx(np.sqrt(np.mean(np.square(deviations), axis=0)), abs=1.5e-3, rel=0.1)

@@ -381,7 +381,7 @@ class _Tuning:
         assert isinstance(designed, DesignedLens)  # noqa: S101  checked before
         try:
             seen = measured_lens(designed, self.inspection.profile())
-            before = [seen, *(seen.drawn_within(number) for number in range(1, DRAWS + 1))]
+            before = [seen, *(seen.with_outline(number) for number in range(1, DRAWS + 1))]
             outlines = [prints.mean(axis=0), *prints[:DRAWS]]
             after = [measured_lens(designed, self._profile(um, 0.0)) for um in outlines]
             return responses(self.sensor, before, after, progress), []

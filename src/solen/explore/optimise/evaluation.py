@@ -137,7 +137,7 @@ class Evaluator:
             if isinstance(lens, SplineLens):
                 least_um = self.task.min_feature_um(lens)
                 text = f"lens without features below {least_um:.3g} µm"
-                found[text] = max(found.get(text, 0.0), lens.missed_share(least_um))
+                found[text] = max(found.get(text, 0.0), lens.fine_feature_excess(least_um))
         return found
 
     def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> GoalResult:

@@ -26,7 +26,7 @@ from solen.fabricate.process.solid import slabs
 from solen.fabricate.process.stack import Rings, Stack
 from solen.fabricate.process.target import Target
 from solen.geometry import Body, section
-from solen.lens import GivenLayers, LensInSpace, Profiles, layer_edges_mm
+from solen.lens import LayeredLensFromFile, LayerProfiles, LensInSpace, layer_edges_mm
 from solen.progress import Progress
 from solen.results import HIDDEN
 
@@ -165,17 +165,17 @@ class FacePrint:
                 break
         return replace(best, rounds_um=tuple(rounds))
 
-    def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
+    def profiles(self, z: FloatArray, name: str, warning: str) -> LayerProfiles:
         """Return profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
         cut = (self.lens.half_width_mm, self.edges_mm, z[::-1])
-        return Profiles(name, *cut, simulated=True, warnings=(warning,))
+        return LayerProfiles(name, *cut, simulated=True, warnings=(warning,))
 
-    def lens_of(self, given: Profiles) -> GivenLayers:
+    def lens_of(self, given: LayerProfiles) -> LayeredLensFromFile:
         """Return a lens with the given profiles in place of the intended ones."""
         own = self.lens
         cut = (own.distance_mm, own.focus_mm, own.half_width_mm, own.design_index, own.outside_index)
         layer_mm = own.thickness_mm / len(given.z_mm)
-        return GivenLayers(*cut, thickness_mm=own.thickness_mm, layer_mm=layer_mm, given=given)
+        return LayeredLensFromFile(*cut, thickness_mm=own.thickness_mm, layer_mm=layer_mm, file=given)
 
     @cached_property
     def _plain(self) -> Stack:

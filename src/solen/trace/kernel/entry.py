@@ -106,10 +106,10 @@ def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector
     """Optical length via a point to the wavefront behind a smooth face, minus that via the vertex; its gradient."""
     from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
     length, by_line, by_y = from_line - f.focus, 1.0, 0.0
-    if f.ring < math.inf:
-        away = f.ring - from_line
+    if f.ring_radius < math.inf:
+        away = f.ring_radius - from_line
         size = math.sqrt(away * away + y * y)
-        length, by_line, by_y = (f.ring - f.focus) - size, away / size, -y / size
+        length, by_line, by_y = (f.ring_radius - f.focus) - size, away / size, -y / size
     rise = z + f.distance
     r = math.sqrt(x * x + y * y + rise * rise)
     scale = f.design_index * by_line / from_line
@@ -156,7 +156,7 @@ def facing(f: Face, layer: int, x: float, y: float, z: float) -> Vector:
 @compiled
 def search_range(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
     """Distances between which a ray may meet the face: from its nearest to its deepest point, within the aperture."""
-    first, last = f.first - BEYOND_MM, f.deepest + BEYOND_MM
+    first, last = f.min_z - BEYOND_MM, f.max_z + BEYOND_MM
     start, end = 0.0, math.inf
     if d.z > 0.0:
         start, end = max((first - at.z) / d.z, 0.0), (last - at.z) / d.z
@@ -186,7 +186,7 @@ def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) 
 
     Newton's method is used with the smallest possible second derivative, so that no step passes the first root.
     """
-    bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
+    bend, t = (f.max_bend * d.x * d.x if len(f.profiles) > 0 else f.max_bend), start
     for _ in range(MAX_STEPS):
         g, change = along(f, layer, at, d, t)
         g = max(g, 0.0)
@@ -204,7 +204,7 @@ def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) 
 @compiled
 def may_dip(f: Face, d: Vector, g: float, change: float, way: float) -> bool:
     """Whether a ray may have been behind a profile within the distance ``way`` before this point."""
-    return g <= 0.0 or change > 0.0 or g - change * way <= 0.5 * f.bend * d.x * d.x * way * way
+    return g <= 0.0 or change > 0.0 or g - change * way <= 0.5 * f.max_bend * d.x * d.x * way * way
 
 
 @linked
@@ -216,10 +216,11 @@ def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: flo
     if start > 0.0:
         layer = layer_of(f, at.y + start * d.y)
     up, last = (1 if d.y > 0.0 else -1), len(f.edges) - 2
-    fall = f.step + TINY
+    fall = f.max_step + TINY
     if d.y != 0.0:
-        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else max(f.rise, f.fall))  # the ray may cross the axis
-        fall += max(rate, 0.0) * f.thickest / abs(d.y)
+        slope = f.max_fall if at.x * d.x >= 0.0 else max(f.max_rise, f.max_fall)  # the ray may cross the axis
+        rate = d.z + abs(d.x) * slope
+        fall += max(rate, 0.0) * f.max_layer / abs(d.y)
     while True:
         border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
         to = max(min((border - at.y) / d.y, end) if d.y != 0.0 else end, start)
@@ -284,7 +285,7 @@ def ahead(at: Vector, d: Vector, way: float) -> Vector:
 def over_body(f: Face, y: float, z: float) -> bool:
     """Whether a point at the aperture edge, viewed along y, is in the body: behind its base or its front corner."""
     layer = layer_of(f, y)
-    return z > f.base or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
+    return z > f.base_z or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
 
 
 @compiled
@@ -308,7 +309,7 @@ def beside(f: Faced, walk: Walk) -> Walk:
     if not d.z > 0.0 or d.x == 0.0:
         return walk
     way = (math.copysign(face.half_width, d.x) - at.x) / d.x
-    way += (BESIDE_MM if at.z + way * d.z > face.base else INSIDE_MM) / abs(d.x)
+    way += (BESIDE_MM if at.z + way * d.z > face.base_z else INSIDE_MM) / abs(d.x)
     way = max(way, 0.0)
     there = ahead(at, d, way)
     if abs(there.y) > face.half_height and over_body(face, there.y, there.z):
@@ -386,7 +387,7 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
     """Advance a ray in the body, with its reflections, to the plane of the stem's base unless it is beyond it."""
     at, beam, optical, _ = walk
     d, inside = beam.d, rays.inside[i]
-    way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
+    way = max((f.face.base_z - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
     for _ in range(MAX_BOUNCES):
         over = max((math.copysign(f.face.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
         side = max((math.copysign(f.face.half_width, d.x) - at.x) / d.x, 0.0) if d.x != 0.0 else math.inf
