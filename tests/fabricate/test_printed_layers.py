@@ -190,8 +190,8 @@ def test_a_smooth_face_is_printed_by_its_sections(tmp_path: Path) -> None:
     assert (made.shape, made.layers, made.compensated_rms_um) == ("line-focus", 10, None)
     lens = made.model.lens_of(made.profile)
     x, y = np.linspace(0.0, 0.5, 21), np.full(21, 0.125)
-    lean = np.hypot(1.0, sensor.lens.slope_at(x, y))  # type: ignore[attr-defined]  # a lens for space
-    off_um = 1e3 * (sensor.lens.z_at(x, y) - lens.z_at(x, y)) / lean  # type: ignore[attr-defined]  # a lens for space
+    lean = np.hypot(1.0, sensor.lens.slope_at(x, y))  # type: ignore[attr-defined]  # a lens for skew rays
+    off_um = 1e3 * (sensor.lens.z_at(x, y) - lens.z_at(x, y)) / lean  # type: ignore[attr-defined]  # a lens for skew rays
     assert float(off_um.mean()) == pytest.approx(float(made.face.um[2, :160].mean()), rel=0.1)
 
 

@@ -99,7 +99,7 @@ def test_rays_obey_newton_s_method_and_snell_s_law() -> None:
 
 def test_traced_rays_obey_snell_s_law() -> None:
     sensor = Sensor.of(design().set({"emitter.rays": 7, "emitter.cone_deg": 60.0}))
-    for path in sensor.trace(0.0, "count", legs=True).paths():
+    for path in sensor.trace(0.0, "count", segments=True).paths():
         start, hit, after = path.points_mm[:3]
         assert hit[1] == pytest.approx(profile_mm(hit[:1])[0], abs=1e-6)
         h = 1e-4

@@ -246,7 +246,9 @@ def _of_features(sensor: Sensor, settings: Settings) -> list[Caution]:
     """Warn of bumps and bends of a free-form lens that are too fine for the process."""
     if not isinstance(sensor.cut, SplineLens):
         return []
-    fine = sensor.cut.fine_feature_warnings(settings.min_feature_um, "the finest feature that the process prints to 90 %")
+    fine = sensor.cut.fine_feature_warnings(
+        settings.min_feature_um, "the finest feature that the process prints to 90 %"
+    )
     return [warning(text) for text in fine]
 
 
