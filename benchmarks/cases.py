@@ -1,7 +1,7 @@
 """Input and output of every tracer in a comparison.
 
-A *case* is a scene of solen's; another tracer uses the same outline, index and fan of rays. The receivers are black: a
-ray that reaches one from inside is detected at any angle. Nothing splits: a ray is either refracted or totally
+A *case* is a scene of solen; the other tracers use the same outline, index and fan of rays. The receivers are black: a
+ray that reaches one from inside is detected at any angle. Rays do not split; they are either refracted or totally
 reflected.
 """
 
@@ -26,12 +26,12 @@ FLAT_MM = 1e-5
 CHIP_MM, CONE_DEG = 0.2, 120.0
 """Width and height of the chip in space, and the cone to which its light is limited."""
 ERROR = 1e-4
-"""Error of the detected fraction for which times are stated."""
+"""Error of the detected fraction for which times are given."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The body as straight pieces, counter-clockwise in the plane: from ``start`` to ``end`` (N, 2), mm."""
+    """The outline of a body as segments from ``start`` to ``end`` (N, 2) in mm, counter-clockwise in the plane."""
 
     start: NDArray[np.float64]
     end: NDArray[np.float64]
@@ -40,7 +40,7 @@ class Outline:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene for any number of rays; ``box_mm`` is its width and length if it is a box from z = 0 on."""
+    """A scene for any number of rays; ``box_mm`` is its width and length if it is a box that begins at z = 0."""
 
     name: str
     make: Callable[[int], Scene]
@@ -48,7 +48,7 @@ class Case:
 
     @cached_property
     def outline(self) -> Outline:
-        """Return the scene's outline within `FLAT_MM`."""
+        """The outline of the scene, within `FLAT_MM`."""
         faces = self.make(1).interfaces
         lines = [face.curve.flattened(FLAT_MM) for face in faces]
         pieces = [len(line) - 1 for line in lines]
@@ -68,7 +68,7 @@ class Case:
         """Return the only source of the scene."""
         (source,) = self.make(rays).sources
         if not isinstance(source, Fan):
-            raise TypeError("the other tracers are only given fans")
+            raise TypeError("the other tracers support only fans")
         return source
 
 
@@ -76,7 +76,7 @@ class Case:
 class Row:
     """Results of one tracer for one case.
 
-    ``hits`` counts every hit of a ray on a face, including the receiver's; ``lost`` rays hit a face from the wrong
+    ``hits`` counts all hits of rays on faces, including receivers; ``lost`` counts rays that hit a face from the wrong
     side, left the body without a hit, or ended in an error.
     """
 
@@ -93,15 +93,15 @@ class Row:
 
     @property
     def to_error_s(self) -> float | None:
-        """Time to an error of `ERROR`, given that the error falls with the square root of the number of rays."""
+        """Time to reach an error of `ERROR`, which is inversely proportional to the square root of the ray count."""
         return None if self.error is None else self.seconds * max(self.error / ERROR, 1.0) ** 2
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A tracer: the reason if it cannot run here (else None), its versions once it has run, and its rows for a case.
+    """A tracer: the reason why it cannot run (or None), its versions, and its rows for a case.
 
-    ``measure`` needs the case and the number of rays that a fast tracer should trace.
+    ``measure`` takes a case and the number of rays for fast tracers.
     """
 
     name: str
@@ -111,13 +111,13 @@ class Tool:
 
 
 def paper_case() -> Case:
-    """Return the paper's sensor, turned by −3°."""
+    """Return the paper's sensor, rotated by −3°."""
     sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
     return Case("sensor at −3°", lambda rays: sensor.scene(-3.0, rays))
 
 
 def space_case() -> Case:
-    """Return the same sensor in space, with the design's thickness, and as emitter a chip with a Lambertian pattern."""
+    """Return the same sensor in space, with the thickness of the design and a Lambertian chip."""
     sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
     pose = sensor.body(-3.0).emitter
 
@@ -129,12 +129,12 @@ def space_case() -> Case:
 
 
 def slab_case() -> Case:
-    """Return a plain slab; a fan of 120° starts 1 mm before the middle of one end, the other end is the receiver."""
+    """Return a slab with a fan of 120° 1 mm in front of the middle of one end; the other end is the receiver."""
     return Case("slab", slab_scene, SLAB_MM)
 
 
 def slab_scene(rays: int) -> Scene:
-    """See :func:`slab_case`."""
+    """Return the scene of `slab_case`."""
     half, length = SLAB_MM[0] / 2, SLAB_MM[1]
     corners: list[Point] = [(-half, 0.0), (half, 0.0), (half, length), (-half, length)]
     lines = [Segment(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]

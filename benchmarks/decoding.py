@@ -25,13 +25,13 @@ def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
     """Return the shortest CPU time of several runs, s."""
     times = []
     for _ in range(repeats):
-        begun = time.process_time()
+        start = time.process_time()
         call()
-        times.append(time.process_time() - begun)
+        times.append(time.process_time() - start)
     return min(times)
 
 
-def one_by_one(decoder: Decoder, volts: FloatArray) -> None:
+def decode_singly(decoder: Decoder, volts: FloatArray) -> None:
     """Decode readings one by one, as in a live stream."""
     for row in volts:
         decoder.decode(row[None, :])
@@ -54,22 +54,26 @@ def main() -> None:
     print(
         f"solen {solen.__version__}, numpy {np.__version__}, Python {platform.python_version()}, {os.cpu_count()} cores"
     )
-    print(f"{'what':44} {'readings/s':>12} {'of 200 Hz':>10}")
+    print(f"{'method':44} {'readings/s':>12} {'of 200 Hz':>10}")
     for noise_V in (0.01, 0.0005):
         training = training_of(sensor_response([recording(noise_V)], AnalysisOptions()))
         calibration = calibrated(training)
         decoder = Decoder(calibration)
         volts = np.resize(training.samples.volts, (READINGS, 2))
         decoder.decode(volts[:10])
-        fine = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], 2001)
-        plain = 1.0 / best_s(partial(posterior, calibration, volts[0], fine), 2)
-        many = READINGS / best_s(partial(decoder.decode, volts))
-        single = best_s(partial(one_by_one, decoder, volts[:100])) / 100
-        check = best_s(partial(leave_one_cycle_out, training), 1)
-        for what, rate in (("the long way", plain), ("many at once", many), ("one at a time", 1.0 / single)):
-            told = f"{what}, noise {1e3 * noise_V:g} mV, {decoder.pieces} pieces"
-            print(f"{told:44} {rate:12.3g} {rate / RATE_HZ:10.3g}")
-        print(f"  a single reading takes {1e3 * single:.2f} ms; the check by cycles left out {check:.2f} s")
+        grid = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], 2001)
+        direct = 1.0 / best_s(partial(posterior, calibration, volts[0], grid), 2)
+        array = READINGS / best_s(partial(decoder.decode, volts))
+        single_s = best_s(partial(decode_singly, decoder, volts[:100])) / 100
+        validation_s = best_s(partial(leave_one_cycle_out, training), 1)
+        for method, rate in (
+            ("directly on a grid", direct),
+            ("many at once", array),
+            ("one at a time", 1.0 / single_s),
+        ):
+            title = f"{method}, noise {1e3 * noise_V:g} mV, {decoder.pieces} pieces"
+            print(f"{title:44} {rate:12.3g} {rate / RATE_HZ:10.3g}")
+        print(f"  a single reading takes {1e3 * single_s:.2f} ms, cross-validation by cycles {validation_s:.2f} s")
 
 
 if __name__ == "__main__":

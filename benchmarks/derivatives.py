@@ -1,12 +1,12 @@
-"""The derivative of a received power when only a shadow's edge moves, computed by solen and by other methods.
+"""The derivative of a received power if only the edge of a shadow moves, computed by solen and by other methods.
 
-Run with ``python -m benchmarks.derivatives`` in the project's folder. A square chip of 0.2 mm has a Lambertian emission
+Run with ``python -m benchmarks.derivatives`` in the project folder. A square chip of 0.2 mm has a Lambertian emission
 pattern; a knife edge is half way to the receiver, and the received fraction is differentiated with respect to the
-position of the edge. No ray's path changes with it, so differentiation along paths gives zero; the documentation of
-Optiland's non-sequential mode states this (0.6.3: "visibility gradients are zero"), and it is not run here. The true
-value is an integral over the edge, of the light per millimetre that passes it on the way to the receiver.
+position of the edge. The path of no ray changes with it, so differentiation along paths gives zero; the documentation
+of Optiland's non-sequential mode states this (0.6.3: "visibility gradients are zero"), and it is not run here. The true
+value is the integral along the edge of the light per millimetre that passes it on its path to the receiver.
 
-All times are of one process on all cores, without compilation; ``error`` is relative to the true value.
+All times are for one process on all cores, without compilation; ``error`` is relative to the true value.
 """
 
 import math
@@ -28,16 +28,16 @@ RAYS = 2**20
 SAMPLES, PIXELS_WIDE, PIXELS_HIGH = 64, 64, 32
 
 
-class Found(NamedTuple):
+class Slope(NamedTuple):
     """A derivative per mm, its computing time in s, and its method."""
 
-    how: str
+    method: str
     value: float
     seconds: float
 
 
 def scene_at(edge_mm: float, rays: int = RAYS) -> Scene:
-    """Return the scene with the knife's edge at a position; the knife is to the right of it."""
+    """Return the scene with the knife edge at a position; the knife is on its right."""
     knife = Segment((edge_mm, KNIFE_MM), (KNIFE_END_MM, KNIFE_MM))
     screen = Segment((HALF_WIDTH_MM, SCREEN_MM), (-HALF_WIDTH_MM, SCREEN_MM))
     faces = (
@@ -48,12 +48,12 @@ def scene_at(edge_mm: float, rays: int = RAYS) -> Scene:
     return Scene((Region("air", 1.0),), faces, (chip,), extrusion=Extrusion(2.0 * HALF_HEIGHT_MM))
 
 
-def truth(nodes: int = 60) -> float:
-    """Return the light that crosses a millimetre of the edge and reaches the screen, by Gauss's rule."""
+def exact_slope(nodes: int = 60) -> float:
+    """Return the light per millimetre that passes the edge and reaches the screen, by Gaussian quadrature."""
     points, weights = np.polynomial.legendre.leggauss(nodes)
     chip, on_chip = 0.5 * CHIP_MM * points, 0.5 * weights
     x, y = chip[:, None, None], chip[None, :, None]
-    # of the edge only the heights whose light arrives between top and bottom of the screen
+    # only the heights at which light passes the edge and arrives between top and bottom of the screen
     middle, half = 0.5 * y, 0.5 * HALF_HEIGHT_MM
     height = middle + half * points[None, None, :]
     square = (EDGE_MM - x) ** 2 + (height - y) ** 2 + KNIFE_MM**2
@@ -61,26 +61,26 @@ def truth(nodes: int = 60) -> float:
     return float(np.sum(on_chip[:, None, None] * on_chip[None, :, None] * half * weights * crossing))
 
 
-def by_solen() -> list[Found]:
+def by_solen() -> list[Slope]:
     """Return the derivative of the integral, and central differences of a million sampled rays."""
     power = partial(derivative, scene_at, EDGE_MM)
-    rows = [Found("solen, derivative", power().detectors["screen"].value, best_s(power, 3))]
+    rows = [Slope("solen, derivative", power().detectors["screen"].value, best_s(power, 3))]
 
     def difference(seed: int = 0) -> float:
         ends = [trace(scene_at(EDGE_MM + sign * STEP_MM), "power", sampling="sobol", seed=seed) for sign in (1, -1)]
         return (ends[0].detectors["screen"].power - ends[1].detectors["screen"].power) / (2.0 * STEP_MM)
 
-    rows.append(Found(f"solen, central differences, 2 × {RAYS} rays", difference(), best_s(difference, 3)))
+    rows.append(Slope(f"solen, central differences, 2 × {RAYS} rays", difference(), best_s(difference, 3)))
 
     def integrals() -> float:
         ends = [integrate(scene_at(EDGE_MM + sign * STEP_MM), "power", 1e-6) for sign in (1, -1)]
         return (ends[0].detectors["screen"].power - ends[1].detectors["screen"].power) / (2.0 * STEP_MM)
 
-    rows.append(Found("solen, central differences of integrals to 1e-6", integrals(), best_s(integrals, 3)))
+    rows.append(Slope("solen, central differences of integrals to 1e-6", integrals(), best_s(integrals, 3)))
     return rows
 
 
-def by_mitsuba() -> list[Found]:
+def by_mitsuba() -> list[Slope]:
     """Return derivatives from projective sampling of silhouettes, and from differentiation along paths only.
 
     A camera that faces the white screen sees its radiance, the irradiance divided by π, uniformly over its image.
@@ -88,11 +88,11 @@ def by_mitsuba() -> list[Found]:
     import drjit as dr
     import mitsuba as mi
 
-    made = mi.load_dict(_mitsuba_scene())
-    values = mi.traverse(made)
-    share = (2.0 * HALF_WIDTH_MM) * (2.0 * HALF_HEIGHT_MM) / CHIP_MM**2
+    scene = mi.load_dict(_mitsuba_scene())
+    values = mi.traverse(scene)
+    area_ratio = (2.0 * HALF_WIDTH_MM) * (2.0 * HALF_HEIGHT_MM) / CHIP_MM**2
     rows = []
-    for how, integrator in (
+    for method, integrator in (
         ("Mitsuba, projective sampling", {"type": "direct_projective", "sppc": SAMPLES, "sppp": 0, "sppi": SAMPLES}),
         ("Mitsuba, along paths", {"type": "prb", "max_depth": 2}),
     ):
@@ -103,11 +103,11 @@ def by_mitsuba() -> list[Found]:
             dr.enable_grad(edge)
             values["knife.to_world"] = _knife(EDGE_MM + edge)
             values.update()
-            image = mi.render(made, values, integrator=tracer, spp=SAMPLES, seed=seed)
+            image = mi.render(scene, values, integrator=tracer, spp=SAMPLES, seed=seed)
             dr.forward(edge)
-            return float(np.mean(np.array(dr.grad(image)))) * share
+            return float(np.mean(np.array(dr.grad(image)))) * area_ratio
 
-        rows.append(Found(f"{how}, {SAMPLES} × {PIXELS_WIDE * PIXELS_HIGH} samples", slope(), best_s(slope, 3)))
+        rows.append(Slope(f"{method}, {SAMPLES} × {PIXELS_WIDE * PIXELS_HIGH} samples", slope(), best_s(slope, 3)))
     return rows
 
 
@@ -149,7 +149,7 @@ def _mitsuba_scene() -> dict[str, Any]:
             "type": "perspective",
             "fov": math.degrees(2.0 * math.atan(HALF_WIDTH_MM / CAMERA_MM)),
             "fov_axis": "x",
-            "to_world": transform().warning([0, SCREEN_MM - CAMERA_MM, 0], [0, SCREEN_MM, 0], [0, 0, 1]),
+            "to_world": transform().look_at([0, SCREEN_MM - CAMERA_MM, 0], [0, SCREEN_MM, 0], [0, 0, 1]),
             "film": {
                 "type": "hdrfilm",
                 "width": PIXELS_WIDE,
@@ -163,15 +163,15 @@ def _mitsuba_scene() -> dict[str, Any]:
 
 def main() -> None:
     """Print the table."""
-    exact = truth()
+    exact = exact_slope()
     rows = by_solen()
     if with_mitsuba.missing() is None:
         rows += by_mitsuba()
     else:
-        print(f"Mitsuba left out: {with_mitsuba.missing()}")
-    print(f"truth {exact:.8f} per mm (with half the nodes {truth(30):.8f})")
+        print(f"Mitsuba omitted: {with_mitsuba.missing()}")
+    print(f"true value {exact:.8f} per mm (with half the nodes {exact_slope(30):.8f})")
     for row in rows:
-        print(f"{row.how:60} {row.value:.8f}  error {row.value / exact - 1.0:9.1e}  {1e3 * row.seconds:8.1f} ms")
+        print(f"{row.method:60} {row.value:.8f}  error {row.value / exact - 1.0:9.1e}  {1e3 * row.seconds:8.1f} ms")
 
 
 if __name__ == "__main__":

@@ -23,9 +23,9 @@ def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
     """Return the shortest of several runs, s."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         call()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start)
     return min(times)
 
 
@@ -41,13 +41,13 @@ def main() -> None:
         f"solen {solen.__version__}, numpy {np.__version__}, Python {platform.python_version()}, {os.cpu_count()} cores"
     )
 
-    def printed() -> None:
-        for one_r, one_t, one_nm in few:
-            high_precision.index(one_r, one_t, THICKNESS_UM, one_nm)
+    def invert_few() -> None:
+        for r_i, t_i, nm_i in few:
+            high_precision.index(r_i, t_i, THICKNESS_UM, nm_i)
 
-    plain = len(few) / best_s(printed)
+    reference = len(few) / best_s(invert_few)
     rows = [
-        ("reference, fifty digits", plain),
+        ("reference, fifty digits", reference),
         ("invert", r.size / best_s(lambda: invert(r, t, THICKNESS_UM, nm))),
         ("invert_many", r.size / best_s(lambda: invert_many(r, t, THICKNESS_UM, nm))),
         ("slopes", r.size / best_s(lambda: slopes(r, t, THICKNESS_UM, nm))),
@@ -56,29 +56,26 @@ def main() -> None:
             POINTS / best_s(lambda: measured(nm, reading(t[0], 1e-3), reading(r[0], 1e-3), layer)),
         ),
     ]
-    print(f"{'what':28} {'inversions/s':>14} {'of the reference':>18}")
-    for what, speed in rows:
-        print(f"{what:28} {speed:14.3g} {speed / plain:18.0f}")
-    a_map(nm)
+    print(f"{'method':28} {'inversions/s':>14} {'of the reference':>18}")
+    for method, speed in rows:
+        print(f"{method:28} {speed:14.3g} {speed / reference:18.0f}")
+    measure_map(nm)
 
 
-def a_map(nm: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
-    """Print time and memory of a map; R differs from wavelength to wavelength and T from spectrum to spectrum."""
+def measure_map(nm: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    """Print time and memory of a map; R varies with the wavelength and T with the spectrum."""
     r, _ = forward(np.linspace(1.45, 1.55, POINTS), 0.0, THICKNESS_UM, nm)
     t = np.linspace(0.5, 0.9, SPECTRA)[:, None]
     out = np.zeros((SPECTRA, POINTS)), np.zeros((SPECTRA, POINTS))
-    for one in out:
-        one += 1.0  # memory that was never touched costs more than the inversion does
+    for array in out:
+        array += 1.0  # the first access to memory takes longer than the inversion
     seconds = best_s(lambda: invert_many(r[None, :], t, THICKNESS_UM, nm, out))
     tracemalloc.start()
     invert_many(r[None, :], t, THICKNESS_UM, nm, out)
     extra = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    print(
-        f"{POINTS} wavelengths x {SPECTRA} spectra: {seconds:.1f} s, {out[0].size / seconds:.3g} inversions/s, ",
-        end="",
-    )
-    print(f"{extra / 1e6:.0f} MB beside the results")
+    speed = f"{seconds:.1f} s, {out[0].size / seconds:.3g} inversions/s"
+    print(f"{POINTS} wavelengths x {SPECTRA} spectra: {speed}, {extra / 1e6:.0f} MB in addition to the results")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""The cases in pvtrace 2: its own box for the slab, a closed prism for the sensor, its ``follow`` for the rays.
+"""The cases in pvtrace 2: a box for the slab, a closed prism for the sensor, and ``follow`` for the rays.
 
-pvtrace is plain Python and traces one ray at a time, so it traces only a hundred. Its surfaces choose at random between
-Fresnel reflection and refraction; a surface defined here does the same as solen's counting mode instead: it refracts or
-totally reflects, and transmits a ray through a receiver unchanged, to the wall of pvtrace's world.
+pvtrace is written in plain Python and traces one ray at a time, so it traces only a hundred. Its surfaces choose at
+random between Fresnel reflection and refraction. The surface defined here implements counting mode instead: it refracts
+or totally reflects, and transmits rays undeviated through a receiver, to the wall of the pvtrace world.
 """
 
 import logging
@@ -22,38 +22,38 @@ from benchmarks.cases import INDEX, Case, Outline, Row, Tool
 
 RAYS = 100
 DEPTH_MM, WORLD_MM = 10.0, 1000.0
-ON_IT_MM = 1e-9
-HOW = 'pip install "pvtrace>=2.1,<3" pandas (which it needs but does not require)'
+TOLERANCE_MM = 1e-9
+REMEDY = 'pip install "pvtrace>=2.1,<3" pandas'
 
 
 class CountingSurface:
-    """Surface that behaves as `solen.interface`; ``receivers`` (N, 2, 2) are (start, end) in the body's frame."""
+    """A surface like `solen.interface`; ``receivers`` (N, 2, 2) are start and end points in the frame of the body."""
 
     def __init__(self, receivers: NDArray[np.float64]) -> None:
         self.receivers = receivers
-        self.arrived = 0
+        self.detected = 0
 
     def is_reflected(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> bool:  # noqa: ARG002
         """Return whether the reflection is total."""
-        cos, _, ratio = self._met(ray, geometry)
+        cos, _, ratio = self._incidence(ray, geometry)
         return not self._at_receiver(ray, cos) and ratio * ratio * (1.0 - cos * cos) >= 1.0
 
     def reflect(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
         """Return the ray after a total reflection."""
-        cos, normal, _ = self._met(ray, geometry)
-        return _turned(ray, np.asarray(ray.direction) - 2.0 * cos * normal)
+        cos, normal, _ = self._incidence(ray, geometry)
+        return _with_direction(ray, np.asarray(ray.direction) - 2.0 * cos * normal)
 
     def transmit(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
         """Return the ray behind the face."""
-        cos, normal, ratio = self._met(ray, geometry)
+        cos, normal, ratio = self._incidence(ray, geometry)
         if self._at_receiver(ray, cos):
-            self.arrived += 1
+            self.detected += 1
             return replace(ray)
-        through = math.copysign(math.sqrt(1.0 - ratio * ratio * (1.0 - cos * cos)), cos)
-        return _turned(ray, ratio * np.asarray(ray.direction) + (through - ratio * cos) * normal)
+        cos2 = math.copysign(math.sqrt(1.0 - ratio * ratio * (1.0 - cos * cos)), cos)
+        return _with_direction(ray, ratio * np.asarray(ray.direction) + (cos2 - ratio * cos) * normal)
 
-    def _met(self, ray: Any, geometry: Any) -> tuple[float, NDArray[np.float64], float]:
-        """Return the cosine to the outward normal, that normal, and the ratio of the indices."""
+    def _incidence(self, ray: Any, geometry: Any) -> tuple[float, NDArray[np.float64], float]:
+        """Return the cosine of the angle to the outward normal, that normal, and the ratio of the indices."""
         normal = np.asarray(geometry.normal(ray.position))
         cos = float(normal @ np.asarray(ray.direction))
         return cos, normal, INDEX if cos > 0.0 else 1.0 / INDEX
@@ -61,56 +61,56 @@ class CountingSurface:
     def _at_receiver(self, ray: Any, cos: float) -> bool:
         start, end = self.receivers[:, 0], self.receivers[:, 1]
         at = np.array([ray.position[0], ray.position[2]])
-        ways = np.linalg.norm(at - start, axis=1) + np.linalg.norm(at - end, axis=1)
-        return cos > 0.0 and bool(np.any(ways - np.linalg.norm(end - start, axis=1) < ON_IT_MM))
+        distances = np.linalg.norm(at - start, axis=1) + np.linalg.norm(at - end, axis=1)
+        return cos > 0.0 and bool(np.any(distances - np.linalg.norm(end - start, axis=1) < TOLERANCE_MM))
 
 
 def missing() -> str | None:
     """Return why pvtrace cannot run here, or None."""
     if find_spec("pvtrace") is None or find_spec("pandas") is None:
-        return HOW
-    found = version("pvtrace")
-    return None if found.startswith("2.") else f"this is {found}, but only version 2 is supported; {HOW}"
+        return f"not installed; {REMEDY}"
+    installed = version("pvtrace")
+    return None if installed.startswith("2.") else f"version {installed} is not supported; {REMEDY}"
 
 
 def versions() -> str:
-    """Return versions of pvtrace and of the library that finds its hits."""
+    """Return the versions of pvtrace and of the library that computes its hits."""
     return f"pvtrace {version('pvtrace')}, trimesh {version('trimesh')}"
 
 
 def measure(case: Case, rays: int) -> list[Row]:
-    """Return one row, of few rays whatever number is requested."""
+    """Return one row, for at most `RAYS` rays."""
     if case.half_mm is not None:
-        return []  # its rays are those of a fan
+        return []  # only fans are supported
     rays = min(rays, RAYS)
     with _old_numpy():
         scene, surface = _scene(case)
-        launched = list(_launched(case, rays))
-        _follow(scene, launched[:2])  # builds the search trees
-        surface.arrived = 0
-        begun = time.perf_counter()
-        hits, lost = _follow(scene, launched)
-        seconds = time.perf_counter() - begun
+        fan = list(_fan_rays(case, rays))
+        _follow(scene, fan[:2])  # builds the search trees
+        surface.detected = 0
+        start = time.perf_counter()
+        hits, lost = _follow(scene, fan)
+        seconds = time.perf_counter() - start
     geometry = "float64 mesh" if case.box_mm is None else "float64 box"
-    return [Row(case.name, "pvtrace", geometry, rays, seconds, hits, surface.arrived / rays, lost)]
+    return [Row(case.name, "pvtrace", geometry, rays, seconds, hits, surface.detected / rays, lost)]
 
 
 @contextmanager
 def _old_numpy() -> Iterator[None]:
-    """Restore names for numpy that it dropped in 1.24 but pvtrace needs, and silence pvtrace's logging."""
-    logging.getLogger().addHandler(logging.NullHandler())  # with a handler there, it does not set up its own
-    lent = {name: kind for name, kind in (("float", float), ("int", int)) if name not in vars(np)}
-    for name, kind in lent.items():
+    """Restore names that numpy removed in 1.24 but pvtrace needs, and suppress the logging of pvtrace."""
+    logging.getLogger().addHandler(logging.NullHandler())  # prevents pvtrace from adding its own handler
+    removed = {name: kind for name, kind in (("float", float), ("int", int)) if name not in vars(np)}
+    for name, kind in removed.items():
         setattr(np, name, kind)
     try:
         yield
     finally:
-        for name in lent:
+        for name in removed:
             delattr(np, name)
 
 
 def _scene(case: Case) -> tuple[Any, CountingSurface]:
-    """Return a body in air inside a spherical world, and the body's surface; x and z are solen's."""
+    """Return a body in air inside a spherical world, and its surface; x and z are those of solen."""
     import pvtrace
 
     air = pvtrace.Material(refractive_index=1.0)
@@ -130,7 +130,7 @@ def _scene(case: Case) -> tuple[Any, CountingSurface]:
 
 
 def _closed(outline: Outline) -> Any:
-    """Return a closed prism of the outline about y = 0."""
+    """Return a closed prism with the outline as cross-section, symmetric about y = 0."""
     import shapely
     import trimesh
 
@@ -140,7 +140,7 @@ def _closed(outline: Outline) -> Any:
     return mesh
 
 
-def _launched(case: Case, rays: int) -> Iterator[Any]:
+def _fan_rays(case: Case, rays: int) -> Iterator[Any]:
     import pvtrace
 
     launch = case.fan(rays).launch()
@@ -149,7 +149,7 @@ def _launched(case: Case, rays: int) -> Iterator[Any]:
 
 
 def _follow(scene: Any, rays: list[Any]) -> tuple[int, int]:
-    """Return the number of faces met by all rays, and how many rays did not reach the world's wall."""
+    """Return the number of hits of all rays, and the number of rays that did not reach the wall of the world."""
     from pvtrace import Event
     from pvtrace.algorithm import photon_tracer
 
@@ -157,7 +157,7 @@ def _follow(scene: Any, rays: list[Any]) -> tuple[int, int]:
     for ray in rays:
         try:
             _, events = zip(*photon_tracer.follow(scene, ray), strict=True)
-        except Exception:  # whatever it trips over, that ray is lost
+        except Exception:  # the ray is lost, for whatever reason
             lost += 1
             continue
         lost += events[-1] is not Event.EXIT
@@ -165,7 +165,7 @@ def _follow(scene: Any, rays: list[Any]) -> tuple[int, int]:
     return hits, lost
 
 
-def _turned(ray: Any, direction: NDArray[np.float64]) -> Any:
+def _with_direction(ray: Any, direction: NDArray[np.float64]) -> Any:
     return replace(ray, direction=tuple(direction.tolist()))
 
 

@@ -17,7 +17,7 @@ from solen.report.print.as_printed import draw_deviation
 from solen.sensor import Sensor
 from solen.sensor.traced import trace_design
 from solen.spec import loads, template, with_values
-from solen.trace.described import SceneFile, described, trace_scene
+from solen.trace.scene_file import SceneFile, label_trace, trace_scene
 
 ROOT = Path(__file__).parent.parent
 IMAGES = ROOT / "docs" / "images" / "gallery"
@@ -57,7 +57,7 @@ def _bars(values: dict[str, float], label: str, colour: str = RIGHT) -> Figure:
 def _scene(scene: Any, title: str) -> Figure:
     """Draw a scene with its rays."""
     file = SceneFile(scene)
-    figure = figure_of(described(file, trace_scene(file, paths=True), paths=True))
+    figure = figure_of(label_trace(file, trace_scene(file, paths=True), paths=True))
     figure.axes[0].set_title(f"simulated: {title}")
     return figure
 

@@ -152,7 +152,7 @@ def ambient_light() -> Figure:
 
 
 def lens_in_space() -> Figure:
-    """Draw the surfaces of both lenses for skew rays, the layered one with thick slabs, and their profiles."""
+    """Draw the faces of both lenses for skew rays, the layered one with visibly thick layers, and their profiles."""
     paper = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
     smooth, coarse = LineFocusLens(**paper, y_focus_mm=2.0), LayeredLens(**paper, layer_mm=0.5)
     layered = LayeredLens(**paper)

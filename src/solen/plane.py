@@ -77,16 +77,16 @@ class Rigid:
     def nearest(
         cls, before: NDArray[np.float64], after: NDArray[np.float64], weight: NDArray[np.float64] | None = None
     ) -> "Rigid":
-        """Return the least-squares rigid motion between points (N, 2); exactly the identity if they are equal."""
+        """Return the least-squares motion that takes points (N, 2) to others; exactly the identity if none moves."""
         if np.array_equal(before, after):
             return cls()
         weights = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()
-        start, target = weights @ before, weights @ after
-        (x, z), (to_x, to_z) = (before - start).T, (after - target).T
+        centre, new_centre = weights @ before, weights @ after
+        (x, z), (to_x, to_z) = (before - centre).T, (after - new_centre).T
         c, s = float(weights @ (x * to_x + z * to_z)), float(weights @ (x * to_z - z * to_x))
         size = math.hypot(c, s)
         turn = cls(c / size, s / size) if size > 0.0 else cls()
-        shift = target - turn.points(start[None])[0]
+        shift = new_centre - turn.points(centre[None])[0]
         return cls(turn.cos, turn.sin, (float(shift[0]), float(shift[1])))
 
     @property
@@ -109,27 +109,27 @@ class Rigid:
 
 
 def deviation_from_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the largest deviation along y of points (N,), x ascending, from their minimax straight line.
+    """Return the largest deviation along y of points (N,), in ascending order of x, from their minimax straight line.
 
-    This is half the height, along y, of the narrowest strip that contains the points; one side of the strip lies on
-    their convex hull.
+    It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on an edge of
+    the convex hull.
     """
     points = x.tolist(), y.tolist()
-    sides = [end for side in (1.0, -1.0) for end in pairwise(_chain(*points, side))]
-    a, b = np.array(sides).T
+    edges = [edge for side in (1.0, -1.0) for edge in pairwise(_hull(*points, side))]
+    a, b = np.array(edges).T
     slopes = (y[b] - y[a]) / (x[b] - x[a])
     return 0.5 * float(np.ptp(y - slopes[:, None] * x, axis=1).min())
 
 
-def _chain(x: list[float], y: list[float], side: float) -> list[int]:
-    """Return the upper (1) or lower (−1) side of the convex hull, from left to right."""
-    numbers: list[int] = []
+def _hull(x: list[float], y: list[float], side: float) -> list[int]:
+    """Return the indices of the points on the upper (1) or lower (−1) side of the convex hull, from left to right."""
+    corners: list[int] = []
     for i in range(len(x)):
-        while len(numbers) > 1:
-            a, b = numbers[-2], numbers[-1]
+        while len(corners) > 1:
+            a, b = corners[-2], corners[-1]
             turn = (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a])
             if side * turn < 0.0:
                 break
-            numbers.pop()
-        numbers.append(i)
-    return numbers
+            corners.pop()
+        corners.append(i)
+    return corners

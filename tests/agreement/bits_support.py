@@ -1,4 +1,4 @@
-"""Results to the last bit: values that are equal exactly where every number of two results is, NaN included."""
+"""Comparison of results bit by bit; NaN equals NaN."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def bits(value: Any) -> Any:
-    """A value of nested results, arrays and numbers, as what can be compared with ``==``."""
+    """Return nested results, arrays and numbers in a form in which ``==`` compares every bit."""
     if dataclasses.is_dataclass(value):
         return {field.name: bits(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""The paper's sensor with a lens for space and a chip, for tests of its light."""
+"""The paper's sensor in space, with a chip and a lens for skew rays."""
 
 from solen.scene import Scene
 from solen.sensor import Sensor
@@ -19,24 +19,25 @@ RAYS = 2**16
 
 
 def sensor(lens: dict[str, object] | None = None, /, **values: object) -> Sensor:
-    """The paper's sensor in space with a chip, by its lens and by other keys of the design."""
-    plain = Design(name="a", material={"index": 1.44, "absorption_per_mm": values.pop("absorption_per_mm", 0.0)})
-    return Sensor.of(with_values(plain, CHIP | (lens or {}) | values))
+    """Return the paper's sensor in space with a chip, a lens and further values of the design."""
+    design = Design(name="a", material={"index": 1.44, "absorption_per_mm": values.pop("absorption_per_mm", 0.0)})
+    return Sensor.of(with_values(design, CHIP | (lens or {}) | values))
 
 
-def sampled(of: Sensor | Scene, angle_deg: float = -1.0, rays: int = RAYS) -> Trace:
-    scene = of.scene(angle_deg, rays) if isinstance(of, Sensor) else of
+def sampled(scene: Scene | Sensor, angle_deg: float = -1.0, rays: int = RAYS) -> Trace:
+    if isinstance(scene, Sensor):
+        scene = scene.scene(angle_deg, rays)
     return trace(scene, "power", sampling="sobol")
 
 
-def contrast(found: Trace) -> float:
-    right, left = (found.detectors[side].power for side in ("right", "left"))
+def contrast(trace: Trace) -> float:
+    right, left = (trace.detectors[side].power for side in ("right", "left"))
     return (right - left) / (right + left)
 
 
-def light(found: Trace) -> float:
-    return sum(reading.power for reading in found.detectors.values())
+def light(trace: Trace) -> float:
+    return sum(reading.power for reading in trace.detectors.values())
 
 
-def u_contrast(found: Trace) -> float:
-    return 2.0 * found.u_power / light(found)
+def u_contrast(trace: Trace) -> float:
+    return 2.0 * trace.u_power / light(trace)

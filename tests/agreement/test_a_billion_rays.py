@@ -1,4 +1,4 @@
-"""Adaptive integration against a fan of a thousand million rays, whose memory does not grow with their number."""
+"""Adaptive integration agrees with a fan of up to a billion rays, whose memory does not grow with their number."""
 
 import sys
 
@@ -11,27 +11,27 @@ from solen.trace import integrate, trace
 PAPER = Design(name="paper", material=Material(index=1.44))
 
 
-def held_mib() -> float:
-    """Most memory that this process has held so far."""
-    resource = pytest.importorskip("resource", reason="the system does not tell how much memory was held")
-    held: int = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return float(held) / (2**20 if sys.platform == "darwin" else 2**10)
+def peak_memory_mib() -> float:
+    """Return the peak memory of this process."""
+    resource = pytest.importorskip("resource", reason="the system does not report the peak memory")
+    peak: int = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak) / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 @pytest.mark.parametrize(
-    ("rays", "within"),
+    ("rays", "tolerance"),
     [(10**6, 1e-5), pytest.param(10**9, 1e-6, marks=pytest.mark.evidence)],
 )
-def test_a_fan_of_many_rays_agrees_with_adaptive_integration(rays: int, within: float) -> None:
+def test_dense_fan_agrees_with_adaptive_integration(rays: int, tolerance: float) -> None:
     sensor = Sensor.of(PAPER)
-    found = integrate(sensor.scene(-3.0), "power", 1e-9)
-    assert found.reached
+    integral = integrate(sensor.scene(-3.0), "power", 1e-9)
+    assert integral.reached
     trace(sensor.scene(-3.0, 10**5), "power")
-    before = held_mib()
+    before = peak_memory_mib()
     dense = trace(sensor.scene(-3.0, rays), "power")
-    grown = held_mib() - before
-    apart = max(abs(found.detectors[name].power - dense.detectors[name].power) for name in found.detectors)
-    print(f"{rays} rays and {found.rays} rays: {apart:.1e} apart, fan u {dense.u_power:.1e}, {grown:.0f} MiB more held")
-    assert apart < within
+    growth = peak_memory_mib() - before
+    difference = max(abs(integral.detectors[name].power - dense.detectors[name].power) for name in dense.detectors)
+    print(f"{rays} and {integral.rays} rays: difference {difference:.1e}, fan u {dense.u_power:.1e}, {growth:.0f} MiB")
+    assert difference < tolerance
     assert abs(dense.ledger.total - 1.0) < 1e-9
-    assert grown < 64.0
+    assert growth < 64.0

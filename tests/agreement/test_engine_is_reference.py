@@ -1,110 +1,68 @@
-"""The compiled engine is held to the readable reference on random scenes; `compare_support` has the rule."""
+"""The compiled engine agrees with the reference on random scenes, segment by segment; see `compare_support`."""
 
 import dataclasses
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
-from solen.scene import Scene
-from solen.trace import Limits, Mode, Trace, trace, trace_reference
-from tests.agreement.compare_support import TURN_RAD, Comparison, compared, turned
+from solen.trace import Limits, Mode
+from tests.agreement.compare_support import Comparison, check_scene, compare_tracers, complete, summary
 from tests.agreement.random_scene_support import random_scene
 
 LIMITS: dict[Mode, Limits] = {"count": Limits(max_hits=60), "power": Limits(min_weight=1e-3, max_hits=60)}
 RAYS: dict[Mode, int] = {"count": 8, "power": 3}
-MAX_LEFT_OUT: dict[Mode, float] = {"count": 0.08, "power": 0.25}
-"""Measured 0.03 and 0.14: light trapped in random bodies is chaotic, and in power mode every ray leaves some there."""
+MAX_EXCLUDED: dict[Mode, float] = {"count": 0.08, "power": 0.25}
+"""On 100 scenes 0.03 and 0.14 were excluded: the paths of trapped light are chaotic, and in power mode every ray
+leaves some light in a body.
+"""
 
 Record = Callable[[str, object], None]
 
 
-def both(scene: Scene, mode: Mode, limits: Limits) -> tuple[Trace, Trace, Comparison]:
-    """Reference, engine, and how they compare."""
-    truth = trace_reference(scene, mode, limits, legs=True)
-    others = tuple(trace_reference(turned(scene, angle), mode, limits, legs=True) for angle in (TURN_RAD, -TURN_RAD))
-    engine = trace(scene, mode, limits, legs=True)
-    return truth, engine, compared(truth, others, engine)
-
-
-def check_readings(truth: Trace, engine: Trace) -> None:
-    """Detectors and monitors agree; called where no stretch is left out."""
-    assert engine.hits == truth.hits
-    for name, reading in truth.detectors.items():
-        assert engine.detectors[name].rays == reading.rays
-        assert engine.detectors[name].power == pytest.approx(reading.power, rel=1e-9, abs=1e-12)
-    for name, crossed in truth.monitors.items():
-        assert engine.monitors[name].rays == crossed.rays
-        assert engine.monitors[name].power == pytest.approx(crossed.power, rel=1e-9, abs=1e-12)
-        np.testing.assert_allclose(engine.monitors[name].power_by_bin, crossed.power_by_bin, rtol=1e-9, atol=1e-12)
-
-
-def check_scene(scene: Scene, mode: Mode, limits: Limits) -> Comparison:
-    """All that is asked of one scene."""
-    truth, engine, comparison = both(scene, mode, limits)
-    assert comparison.deviation_power < 1e-9, scene.name
-    for result in (truth, engine):
-        assert result.undefined == 0, f"{scene.name}: {result.undefined_at_mm}"
-        assert result.ledger.total == pytest.approx(1.0, abs=1e-12), scene.name
-    if comparison.left_out == 0:
-        check_readings(truth, engine)
-    return comparison
-
-
-def run(mode: Mode, seeds: range, rays: int) -> list[Comparison]:
+def check_scenes(mode: Mode, seeds: range, rays: int) -> list[Comparison]:
     return [check_scene(random_scene(seed, rays), mode, LIMITS[mode]) for seed in seeds]
 
 
-def told(mode: Mode, done: list[Comparison]) -> tuple[float, str]:
-    """Share left out, and a line about it."""
-    total, left_out = sum(c.stretches for c in done), sum(c.left_out for c in done)
-    whole = sum(c.left_out == 0 for c in done)
-    line = (
-        f"{mode}: {len(done)} scenes, {total} stretches, {left_out} left out ({left_out / total:.2%}), "
-        f"{whole} scenes whole, largest deviation {max(c.deviation_mm for c in done):.1e} mm"
-    )
-    return left_out / total, line
-
-
-@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.evidence) for first in (25, 50, 75))])
+@pytest.mark.parametrize(
+    "seeds",
+    [range(20), *(pytest.param(range(first, first + 20), marks=pytest.mark.evidence) for first in (20, 40, 60, 80))],
+    ids=str,
+)
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_same_hits_on_random_scenes(
-    mode: Mode, first: int, record_property: Record, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = run(mode, range(first, first + 25), RAYS[mode])
-    share, line = told(mode, done)
-    record_property("left out", line)
+def test_random_scenes(mode: Mode, seeds: range, record_property: Record, capsys: pytest.CaptureFixture[str]) -> None:
+    comparisons = check_scenes(mode, seeds, RAYS[mode])
+    excluded, line = summary(mode, comparisons)
+    record_property("excluded", line)
     with capsys.disabled():
         print(f"\n  engine = reference, {line}")
-    assert share < MAX_LEFT_OUT[mode]
-    assert sum(c.left_out == 0 for c in done) >= 5  # enough whole scenes to compare detectors and monitors
+    assert excluded < MAX_EXCLUDED[mode]
+    assert complete(comparisons) >= 5  # so that readings are compared, too
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_same_hits_within_a_micron_of_corners_down_to_where_corners_overlap(mode: Mode) -> None:
-    """Rays that miss a corner by as little as 1e-13 mm may start in a sliver between two curves; both then say so."""
+def test_rays_that_almost_meet_corners(mode: Mode) -> None:
+    """Rays that miss a corner by as little as 1e-13 mm may start in a sliver between two curves and be undefined."""
     undefined = aimed = 0
-    for seed in range(25):
+    for seed in range(12):
         scene = random_scene(seed, 12, nearest_corner_mm=1e-13)
         scene = dataclasses.replace(scene, sources=scene.sources[-1:])
-        truth, engine, _ = both(scene, mode, LIMITS[mode])
-        for result in (truth, engine):
+        reference, engine, _ = compare_tracers(scene, mode, LIMITS[mode])
+        for result in (reference, engine):
             assert result.ledger.total == pytest.approx(1.0, abs=1e-12)
         undefined, aimed = undefined + engine.undefined, aimed + scene.rays
     assert undefined < 0.1 * aimed
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_same_hits_with_many_rays_side_by_side(mode: Mode) -> None:
-    """The engine carries rays in blocks: more of them than any block holds, and branches that wait their turn."""
-    limits = Limits(min_weight=1e-2, max_hits=30)
-    share, _ = told(mode, [check_scene(random_scene(seed, 100), mode, limits) for seed in (200, 201)])
-    assert share < MAX_LEFT_OUT[mode]
+def test_more_rays_than_a_block(mode: Mode) -> None:
+    """The engine traces rays in blocks; here there are more rays than fit into one, and branches have to wait."""
+    excluded, _ = summary(mode, [check_scene(random_scene(200, 100), mode, Limits(min_weight=1e-2, max_hits=30))])
+    assert excluded < MAX_EXCLUDED[mode]
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_same_hits_on_a_thousand_scenes(mode: Mode) -> None:
-    share, line = told(mode, run(mode, range(1000, 2000), RAYS[mode]))
+def test_a_thousand_random_scenes(mode: Mode) -> None:
+    excluded, line = summary(mode, check_scenes(mode, range(1000, 2000), RAYS[mode]))
     print(f"\n  engine = reference, {line}")
-    assert share < 1.5 * MAX_LEFT_OUT[mode]  # a few scenes of trapped light weigh much; 0.26 in power mode
+    assert excluded < 1.5 * MAX_EXCLUDED[mode]  # 0.26 in power mode, mainly from a few scenes that trap light

@@ -1,4 +1,4 @@
-"""Integration over emitters with a size, a pattern and a spectrum, against averages over many point sources."""
+"""Integration over emitters with a width, an angular pattern and a spectrum."""
 
 import dataclasses
 import math
@@ -34,8 +34,8 @@ TABLE = PatternTable((0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 130.0), (1.0, 0.95, 0.
 PAPER = Sensor.of(Design(name="paper", material=Material(index=1.44)))
 
 
-def emitting(scene: Scene, kind: str, width_mm: float) -> Scene:
-    """The scene with another emitter where its fan is."""
+def with_emitter(scene: Scene, kind: str, width_mm: float) -> Scene:
+    """Return a scene with another emitter in the position of its fan."""
     (fan,) = scene.sources
     assert isinstance(fan, Fan)
     sources: dict[str, Source] = {
@@ -46,13 +46,13 @@ def emitting(scene: Scene, kind: str, width_mm: float) -> Scene:
     return dataclasses.replace(scene, sources=(sources[kind],))
 
 
-def contrast(found: Trace) -> float:
-    right, left = found.detectors["right"].power, found.detectors["left"].power
+def contrast(trace: Trace) -> float:
+    right, left = trace.detectors["right"].power, trace.detectors["left"].power
     return (right - left) / (right + left)
 
 
-def test_the_small_rule_is_kronrods() -> None:
-    """Seven nodes are exact up to degree 11, the three of Gauss among them up to degree 5."""
+def test_coarse_rule_is_exact_to_its_degree() -> None:
+    """The seven Kronrod nodes are exact up to degree 11, the three Gauss nodes among them up to degree 5."""
     for degree in range(0, 12, 2):
         assert COARSE.kronrod @ COARSE.nodes**degree == pytest.approx(2.0 / (degree + 1), abs=1e-15)
         assert degree > 5 or COARSE.gauss @ COARSE.nodes**degree == pytest.approx(2.0 / (degree + 1), abs=1e-15)
@@ -61,34 +61,34 @@ def test_the_small_rule_is_kronrods() -> None:
 
 @pytest.mark.parametrize("kind", ["chip", "lambertian", "table"])
 @pytest.mark.parametrize("angle_deg", [-0.5, -3.0])
-def test_an_extended_emitter_is_the_average_of_many_points(kind: str, angle_deg: float) -> None:
-    """Of 2001 point sources in the middle of equal parts of the chip, each integrated on its own."""
-    scene, many = emitting(PAPER.scene(angle_deg), kind, 0.2), 2001
+def test_extended_emitter_is_the_mean_of_many_points(kind: str, angle_deg: float) -> None:
+    """The points are at the centres of 1001 equal intervals of the chip."""
+    scene, count = with_emitter(PAPER.scene(angle_deg), kind, 0.2), 1001
     light = Lights.of(scene, "power", Limits(min_weight=1e-7)).in_plane
-    points = [light.cone((i + 0.5) / many).integral(1e-5, 10**6).share for i in range(many)]
-    found = integrate(scene, "power", 1e-4)
-    assert found.reached
-    for name, average in zip(found.detectors, np.mean(points, axis=0), strict=False):
-        assert found.detectors[name].power == pytest.approx(average, abs=1e-4)
-        assert found.detectors[name].power == pytest.approx(average, abs=found.u_power + 3e-5)
-    assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
+    points = [light.cone((i + 0.5) / count).integral(1e-5, 10**6).powers for i in range(count)]
+    integral = integrate(scene, "power", 1e-4)
+    assert integral.reached
+    for name, mean in zip(integral.detectors, np.mean(points, axis=0), strict=False):
+        assert integral.detectors[name].power == pytest.approx(mean, abs=1e-4)
+        assert integral.detectors[name].power == pytest.approx(mean, abs=integral.u_power + 3e-5)
+    assert integral.ledger.total == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("angle_deg", "chip", "point"), [(-0.5, 0.249, 0.946), (-1.0, 0.486, 0.9999), (-3.0, 0.895, 0.9993)]
 )
-def test_a_chip_turns_a_switch_into_a_sensor(angle_deg: float, chip: float, point: float) -> None:
-    """The paper's lens enlarges a chip 0.2 mm wide 13.9 times: the contrast rises over degrees, not over tenths."""
+def test_contrast_of_a_chip_changes_more_gradually(angle_deg: float, chip: float, point: float) -> None:
+    """The paper's lens magnifies a chip 0.2 mm wide 13.9 times, so that the contrast rises over several degrees."""
     scene = PAPER.scene(angle_deg)
-    assert contrast(integrate(emitting(scene, "chip", 0.2), "power", 1e-5)) == pytest.approx(chip, abs=1e-3)
+    assert contrast(integrate(with_emitter(scene, "chip", 0.2), "power", 1e-5)) == pytest.approx(chip, abs=1e-3)
     assert contrast(integrate(scene, "power", 1e-6)) == pytest.approx(point, abs=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["chip", "lambertian", "table"])
-def test_without_a_width_it_is_the_point(kind: str) -> None:
+def test_narrow_emitter_is_a_point(kind: str) -> None:
     scene = PAPER.scene(0.3)
-    point = integrate(emitting(scene, kind, 0.0), "power", 1e-8)
-    narrow = integrate(emitting(scene, kind, 1e-6), "power", 1e-7)
+    point = integrate(with_emitter(scene, kind, 0.0), "power", 1e-8)
+    narrow = integrate(with_emitter(scene, kind, 1e-6), "power", 1e-7)
     for name, reading in point.detectors.items():
         assert narrow.detectors[name].power == pytest.approx(reading.power, abs=1e-5)
     if kind == "chip":
@@ -100,113 +100,112 @@ def test_without_a_width_it_is_the_point(kind: str) -> None:
 
 @pytest.mark.parametrize("mode", ["count", "power"])
 @pytest.mark.parametrize("kind", ["chip", "lambertian", "table"])
-def test_it_agrees_with_a_dense_trace(mode: str, kind: str) -> None:
-    scene = emitting(PAPER.scene(0.2), kind, 0.1)
-    found = integrate(scene, mode, 1e-4)  # type: ignore[arg-type]
+def test_agrees_with_dense_trace(mode: str, kind: str) -> None:
+    scene = with_emitter(PAPER.scene(0.2), kind, 0.1)
+    integral = integrate(scene, mode, 1e-4)  # type: ignore[arg-type]
     rays = 2**18
     dense = trace(dataclasses.replace(scene, sources=(scene.sources[0].with_rays(rays),)), mode)  # type: ignore[arg-type]
     for name, reading in dense.detectors.items():
-        assert found.detectors[name].power == pytest.approx(reading.power, abs=found.u_power + 100.0 / rays)
+        assert integral.detectors[name].power == pytest.approx(reading.power, abs=integral.u_power + 100.0 / rays)
 
 
-def seen(source: Source, size_mm: float = 0.5) -> float:
-    """Share of a source's light that reaches a disc 3 mm away along its axis."""
-    outside = Arc((0.0, 3.0), size_mm, 0.0, -360.0)
-    disc = Interface("disc", outside, "air", "air", "receiver", "disc")
+def power_on_disc(source: Source) -> float:
+    """Return the fraction of light that reaches a disc of radius 0.5 mm, 3 mm away on the axis."""
+    outline = Arc((0.0, 3.0), 0.5, 0.0, -360.0)
+    disc = Interface("disc", outline, "air", "air", "receiver", "disc")
     return integrate(Scene((Region("air", 1.0),), (disc,), (source,)), "count", 1e-9).detectors["disc"].power
 
 
 def test_patterns_in_closed_form() -> None:
-    """A disc seen under ±asin(r/d): of cos θ it gets sin, of a table the area under it up to there."""
+    """The disc receives the integral of the pattern over angles up to asin(r/d)."""
     edge = math.asin(0.5 / 3.0)
-    assert seen(Emitter((0.0, 0.0), 0.0, 1, CosinePower())) == pytest.approx(math.sin(edge), abs=1e-9)
-    assert seen(Emitter((0.0, 0.0), 0.0, 1, cone_deg=360.0)) == pytest.approx(edge / math.pi, abs=1e-9)
+    assert power_on_disc(Emitter((0.0, 0.0), 0.0, 1, CosinePower())) == pytest.approx(math.sin(edge), abs=1e-9)
+    assert power_on_disc(Emitter((0.0, 0.0), 0.0, 1, cone_deg=360.0)) == pytest.approx(edge / math.pi, abs=1e-9)
     cube = 1.5 * (math.sin(edge) - math.sin(edge) ** 3 / 3.0)
-    assert seen(Emitter((0.0, 0.0), 0.0, 1, CosinePower(3.0))) == pytest.approx(cube, abs=1e-9)
+    assert power_on_disc(Emitter((0.0, 0.0), 0.0, 1, CosinePower(3.0))) == pytest.approx(cube, abs=1e-9)
     table = PatternTable((0.0, 5.0, 90.0), (0.2, 1.0, 0.0))
     five, ninety = math.radians(5.0), math.radians(90.0)
-    whole = 0.6 * five + 0.5 * (ninety - five)
-    rest = edge - five
-    part = 0.6 * five + rest * (1.0 - 0.5 * rest / (ninety - five))
-    assert seen(Emitter((0.0, 0.0), 0.0, 1, table)) == pytest.approx(part / whole, abs=1e-9)
+    total = 0.6 * five + 0.5 * (ninety - five)
+    outer = edge - five
+    received = 0.6 * five + outer * (1.0 - 0.5 * outer / (ninety - five))
+    assert power_on_disc(Emitter((0.0, 0.0), 0.0, 1, table)) == pytest.approx(received / total, abs=1e-9)
 
 
-def test_colours_are_summed_by_their_weights() -> None:
+def test_spectral_lines_are_summed_with_their_weights() -> None:
     base = PAPER.scene(0.4)
     body = Region("body", Cauchy(A=1.42, B_um2=0.02), 0.001)
     lines = ((450.0, 1.0), (620.0, 2.5), (860.0, 0.5))
 
-    def of(spectrum: tuple[tuple[float, float], ...]) -> Trace:
+    def integral(spectrum: tuple[tuple[float, float], ...]) -> Trace:
         source = base.sources[0].with_spectrum(spectrum)
         return integrate(dataclasses.replace(base, regions=(base.regions[0], body), sources=(source,)), "power", 1e-6)
 
-    together, alone = of(lines), [of((line,)) for line in lines]
-    for name, reading in together.detectors.items():
-        expected = sum(w * one.detectors[name].power for (_, w), one in zip(lines, alone, strict=True)) / 4.0
+    single = [integral((line,)) for line in lines]
+    for name, reading in integral(lines).detectors.items():
+        expected = sum(w * result.detectors[name].power for (_, w), result in zip(lines, single, strict=True)) / 4.0
         assert reading.power == pytest.approx(expected, abs=1e-8)
-    powers = [one.detectors["right"].power for one in alone]
-    assert np.ptp(powers) > 1e-3  # colours must matter here
+    powers = [result.detectors["right"].power for result in single]
+    assert np.ptp(powers) > 1e-3  # the index depends on wavelength
 
 
-def test_several_sources_share_the_power() -> None:
+def test_several_sources_are_weighted_by_their_power() -> None:
     scene = PAPER.scene(0.4)
     (fan,) = scene.sources
     assert isinstance(fan, Fan)
-    other = Chip((0.1, -1.0), 0.1, 0.0, 90.0, 1, power=3.0)
-    both = integrate(dataclasses.replace(scene, sources=(fan, other)), "power", 1e-5)
-    each = [integrate(dataclasses.replace(scene, sources=(one,)), "power", 1e-6) for one in (fan, other)]
+    chip = Chip((0.1, -1.0), 0.1, 0.0, 90.0, 1, power=3.0)
+    both = integrate(dataclasses.replace(scene, sources=(fan, chip)), "power", 1e-5)
+    of_fan, of_chip = (integrate(dataclasses.replace(scene, sources=(s,)), "power", 1e-6) for s in (fan, chip))
     for name, reading in both.detectors.items():
-        parts = [0.25 * each[0].detectors[name].power, 0.75 * each[1].detectors[name].power]
+        parts = [0.25 * of_fan.detectors[name].power, 0.75 * of_chip.detectors[name].power]
         assert reading.power_by_source == pytest.approx(parts, abs=1e-5)
         assert reading.power == pytest.approx(sum(parts), abs=1e-5)
 
 
-def test_the_derivative_of_a_chip_is_that_of_its_integral() -> None:
-    def at(index: float) -> Scene:
-        return emitting(Sensor.of(Design(name="one", material=Material(index=index))).scene(-1.0), "chip", 0.2)
+def test_derivative_of_a_chip() -> None:
+    def scene_at(index: float) -> Scene:
+        return with_emitter(Sensor.of(Design(name="one", material=Material(index=index))).scene(-1.0), "chip", 0.2)
 
-    found = derivative(at, 1.44)
-    wide = [integrate(at(1.44 + sign * 0.003), "power", 1e-7) for sign in (1.0, -1.0)]
-    for name, slope in found.detectors.items():
-        rough = (wide[0].detectors[name].power - wide[1].detectors[name].power) / 0.006
-        assert slope.value == pytest.approx(rough, abs=0.02 * abs(rough) + 1e-3)
+    slopes = derivative(scene_at, 1.44, tolerance=1e-5)
+    high, low = (integrate(scene_at(1.44 + sign * 0.003), "power", 1e-6) for sign in (1.0, -1.0))
+    for name, slope in slopes.detectors.items():
+        difference = (high.detectors[name].power - low.detectors[name].power) / 0.006
+        assert slope.value == pytest.approx(difference, abs=0.02 * abs(difference) + 1e-3)
         assert 0.0 < slope.u_value < 0.05
 
 
-def test_what_is_not_made_of_points_or_scatters_is_refused() -> None:
+def test_refuses_beams_empty_cones_and_scatter() -> None:
     scene = PAPER.scene(0.0)
     face = scene.interfaces[0]
     rough = dataclasses.replace(face, surface=Surface(scatter=Gaussian(0.1)))
     cases = {
         "Beam": dataclasses.replace(scene, sources=(Beam((0.0, -1.0), (1.0, -1.0), 0.0, 2),)),
-        "cone_deg": emitting(dataclasses.replace(scene, sources=(Fan((0.0, -1.0), 0.0, 0.0, 2),)), "chip", 0.1),
+        "cone_deg": with_emitter(dataclasses.replace(scene, sources=(Fan((0.0, -1.0), 0.0, 0.0, 2),)), "chip", 0.1),
         "scatters": dataclasses.replace(scene, interfaces=(rough, *scene.interfaces[1:])),
     }
-    for words, wrong in cases.items():
-        with pytest.raises(DesignError, match=words):
-            integrate(wrong)
+    for message, invalid in cases.items():
+        with pytest.raises(DesignError, match=message):
+            integrate(invalid)
 
 
-def test_light_to_the_side_and_back_arrives_on_a_ring() -> None:
+def test_light_emitted_backwards_reaches_a_circular_receiver() -> None:
     ring = Interface("ring", Arc.circle((0.0, 0.0), 5.0), "air", "air", "receiver", "ring")
     wall = Interface("wall", Segment((-1.0, -2.0), (1.0, -2.0)), "air", "air", "absorbing")
-    found = integrate(
-        Scene((Region("air", 1.0),), (ring, wall), (Emitter((0.0, 0.0), 0.0, 1, TABLE, 360.0, 0.3),)), "count", 1e-6
-    )
-    assert found.ledger.detected + found.ledger.absorbed == pytest.approx(1.0, abs=1e-6)
-    assert found.ledger.absorbed == 0.0  # the table ends at 130 degrees, the wall begins at 153
+    emitter = Emitter((0.0, 0.0), 0.0, 1, TABLE, 360.0, 0.3)
+    integral = integrate(Scene((Region("air", 1.0),), (ring, wall), (emitter,)), "count", 1e-6)
+    assert integral.ledger.detected + integral.ledger.absorbed == pytest.approx(1.0, abs=1e-6)
+    assert integral.ledger.absorbed == 0.0  # the pattern ends at 130 degrees, and the wall begins at 153
 
 
 @pytest.mark.parametrize(
     ("width_mm", "angle_deg", "index", "tolerance"),
     [(0.3, -2.318, 1.54, 1e-2), (0.3, 2.308, 1.54, 1e-2), (0.2, 2.622, 1.49, 1e-3)],
 )
-def test_a_loose_tolerance_has_an_uncertainty_that_holds(
+def test_uncertainty_is_valid_for_high_tolerances(
     width_mm: float, angle_deg: float, index: float, tolerance: float
 ) -> None:
-    """Chips and angles at which rules of few places agree by chance beside a sharp bend."""
+    """At these angles and widths, two rules with few nodes agree by chance next to a kink."""
     design = with_values(Design(name="chip", material=Material(index=index)), {"emitter.width_mm": width_mm})
     sensor = Sensor.of(design)
-    truth, found = (sensor.integrate(angle_deg, tolerance=one) for one in (1e-5, tolerance))
-    for name, reading in found.detectors.items():
-        assert abs(reading.power - truth.detectors[name].power) < found.u_power <= tolerance
+    exact, coarse = (sensor.integrate(angle_deg, tolerance=value) for value in (1e-5, tolerance))
+    for name, reading in coarse.detectors.items():
+        assert abs(reading.power - exact.detectors[name].power) < coarse.u_power <= tolerance

@@ -307,7 +307,7 @@ def test_refuses_invalid_option(refused: Refusal, arguments: list[str], message:
 
 def test_sensitivity_requires_converged_integral(refused: Refusal, monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit on rays is reduced here; light that leaks from an air gap reaches the real limit only after seconds."""
-    monkeypatch.setattr("solen.sensor.derivatives.MAX_LEGS", 4000)
+    monkeypatch.setattr("solen.sensor.derivatives.MAX_SEGMENTS", 4000)
     gap = ("--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5")
     line = refused("sensitivity", "sensor.toml", *gap)
     assert "1e-09" in line
@@ -353,7 +353,7 @@ FILE_OPTIONS = [["lens", "--csv"], ["trace", "--figure"], ["convergence", "--fig
 def test_reports_file_that_cannot_be_written(
     refused: Refusal, option: list[str], case: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=16))
+    monkeypatch.setattr(traced, "convergence", partial(convergence, max_rays=16))
     name, flag = option
     target = OUTPUTS[case].replace(".svg", {"--netcdf": ".nc", "--csv": ".csv"}.get(flag, ".svg"))
     for ending in (".svg", ".nc", ".csv"):

@@ -204,11 +204,12 @@ def test_netcdf_file_contains_trace_and_design(runner: CommandRunner, design: st
         assert float(dataset["power"].sel(receiver=side)) == detector["power"]
         assert list(dataset["power_by_angle"].sel(receiver=side).values) == detector["power_by_angle"]
     faces = dataset.attrs["interfaces"].split(", ")
-    first = dataset.isel(leg=0)
+    first = dataset.isel(segment=0)
     assert (
-        result["branches"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
+        result["branches"][0]["faces"][:1]
+        == [faces[int(first["segment_interface"])]][: int(first["segment_interface"] >= 0)]
     )
-    assert result["branches"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
+    assert result["branches"][0]["points_mm"][0] == [float(first["segment_x_mm"]), float(first["segment_z_mm"])]
     first_bytes = target.read_bytes()
     assert runner.lines("trace", design, *arguments)[-1] == f"netcdf: {target}"
     assert target.read_bytes() == first_bytes
@@ -217,7 +218,7 @@ def test_netcdf_file_contains_trace_and_design(runner: CommandRunner, design: st
 def test_convergence_agrees_in_lines_and_json_and_draws_figure(
     runner: CommandRunner, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=64))
+    monkeypatch.setattr(traced, "convergence", partial(convergence, max_rays=64))
     figure = tmp_path / "convergence.svg"
     arguments = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
     result, lines = runner.json(*arguments, "--json"), runner.lines(*arguments)

@@ -155,7 +155,7 @@ def test_reports_tolerance_that_is_not_reached(
 ) -> None:
     arguments = (str(stop), "--sampling", "adaptive", "--tolerance")
     assert "not reached" not in printed(capsys, *arguments, "1e-3")
-    monkeypatch.setattr(options, "integrate", partial(integrate, most_legs=8))
+    monkeypatch.setattr(options, "integrate", partial(integrate, max_segments=8))
     assert "the tolerance was not reached: " in printed(capsys, *arguments, "1e-9")
 
 
@@ -189,7 +189,7 @@ def test_warns_of_efficiencies_above_1(tmp_path: Path, capsys: pytest.CaptureFix
     file.write_text(json.dumps({"version": 5, "objs": [LAMP, grating]}), encoding="utf-8")
     for command in ("check", "trace"):
         assert run_command([command, str(file)]) == 0
-        assert "warning: diffractiongrating1.1: its orders add up to 2 times" in capsys.readouterr().out
+        assert "warning: diffractiongrating1.1: the efficiencies of its orders add up to 2 " in capsys.readouterr().out
     assert run_command(["trace", str(file), "--mode", "power"]) == 2
     assert "a sum of 2" in capsys.readouterr().err
 

@@ -1,4 +1,4 @@
-"""Turns of the plane: the sign of an angle, the identity, and turns done one after the other."""
+"""Rigid motions: the sign of an angle, the identity, and successive rotations."""
 
 import math
 
@@ -8,29 +8,29 @@ from hypothesis import strategies as st
 
 from solen.plane import Point, Rigid, cross, heading
 
-place = st.tuples(st.floats(-100, 100), st.floats(-100, 100))
+position = st.tuples(st.floats(-100, 100), st.floats(-100, 100))
 angle_deg = st.floats(-720, 720)
 
 
-@given(pivot=place, point=place)
-def test_turning_by_nothing_is_exactly_the_identity(pivot: Point, point: Point) -> None:
+@given(pivot=position, point=position)
+def test_rotation_by_zero_is_exactly_the_identity(pivot: Point, point: Point) -> None:
     assert Rigid.about(pivot, 0.0) == Rigid()
     assert Rigid.about(pivot, 0.0).point(point) == point
 
 
-@given(pivot=place, angle=angle_deg)
-def test_the_pivot_stays(pivot: Point, angle: float) -> None:
+@given(pivot=position, angle=angle_deg)
+def test_the_pivot_is_fixed(pivot: Point, angle: float) -> None:
     assert math.dist(Rigid.about(pivot, angle).point(pivot), pivot) < 1e-12
 
 
-@given(pivot=place, point=place, first=angle_deg, second=angle_deg)
-def test_two_turns_about_one_pivot_are_their_sum(pivot: Point, point: Point, first: float, second: float) -> None:
+@given(pivot=position, point=position, first=angle_deg, second=angle_deg)
+def test_rotations_about_one_pivot_add_up(pivot: Point, point: Point, first: float, second: float) -> None:
     twice = Rigid.about(pivot, second).point(Rigid.about(pivot, first).point(point))
     assert math.dist(twice, Rigid.about(pivot, first + second).point(point)) < 1e-10
 
 
-@given(pivot=place, a=place, b=place, angle=angle_deg)
-def test_lengths_and_handedness_are_kept(pivot: Point, a: Point, b: Point, angle: float) -> None:
+@given(pivot=position, a=position, b=position, angle=angle_deg)
+def test_rotations_preserve_lengths_and_handedness(pivot: Point, a: Point, b: Point, angle: float) -> None:
     turn = Rigid.about(pivot, angle)
     assert math.dist(turn.point(a), turn.point(b)) == pytest.approx(math.dist(a, b), abs=1e-11)
     assert cross(turn.vector(a), turn.vector(b)) == pytest.approx(cross(a, b), abs=1e-9)
@@ -44,5 +44,5 @@ def test_minus_three_degrees_lean_the_axis_to_the_right() -> None:
     assert heading(0.0) == (0.0, 1.0)
 
 
-def test_plus_ninety_degrees_take_right_to_up() -> None:
+def test_ninety_degrees_rotate_right_to_up() -> None:
     assert Rigid.about((1.0, 1.0), 90.0).point((2.0, 1.0)) == pytest.approx((1.0, 2.0), abs=1e-15)

@@ -90,7 +90,7 @@ def test_a_process_takes_the_working_curve_and_its_uncertainty() -> None:
     assert covariance[keys.index("Dp_um"), keys.index("Ec_mJ_per_cm2")] == pytest.approx(0.1)
     law, settings = process.process.law, process.process
     terms = terms_at(settings, 20, 10 * 25.0 + 12.5)
-    received = CureLaw(law.Dp_um, law.Ec_mJ_per_cm2, law.lines).received(settings.exposures(20), 25.0)
+    received = CureLaw(law.Dp_um, law.Ec_mJ_per_cm2, law.lines).mean_doses(settings.exposures(20), 25.0)
     assert terms.total == pytest.approx(received[10], rel=0.03)  # the dose at mid-height and the mean of the layer
 
 

@@ -27,7 +27,7 @@ from solen.fabricate.process import (
 from solen.fabricate.process.face_print import FacePrint
 from solen.fabricate.process.stack import Stack
 from solen.geometry import section
-from solen.lens import GivenLayers, LayeredLens, LensInSpace, read_layers
+from solen.lens import LayeredLensFromFile, LayeredLens, LensInSpace, read_layers
 from solen.pipeline.print.predict import predict
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import LensResponse, lens_responses
@@ -127,7 +127,7 @@ def test_a_printed_lens_can_be_used_in_a_design(prediction: tuple[Path, PrintedL
     assert result.layers == 10  # layers of the process, 50 µm
     assert result.simulated
     lens = Sensor.of(with_values(load(folder / "lens.toml"), {"lens.profile": "printed.json"})).lens
-    assert isinstance(lens, GivenLayers)
+    assert isinstance(lens, LayeredLensFromFile)
     assert lens.simulated
     assert "predicted by a print model" in " ".join(lens.warnings)
     printed = result.face.printed

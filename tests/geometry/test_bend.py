@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Curve, Measure, Parabola, Segment, Spline
+from solen.curve import Arc, ArcLength, Curve, Parabola, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, bend_of, bent, y_body
 from solen.geometry.bend import BEND_TOLERANCE_MM
@@ -132,7 +132,7 @@ def test_follows_drawn_centre_line_at_its_own_angle() -> None:
     """At the angle by which the drawn line turns, the bent axis is that line, scaled to the length of the stem."""
     line = Spline.through(HOOK)
     first, last = (heading_deg(line, u) for u in (0.0, 1.0))
-    measure = Measure(line)
+    measure = ArcLength(line)
     bend = bend_of([(x, z) for x, z in HOOK], 0.0, measure.length_mm, first - last)
     turn = math.radians(last)
     for fraction in (0.0, 0.3, 0.8):
@@ -214,8 +214,8 @@ def test_limits_of_wall_table_move_with_material() -> None:
     rest, body = straight_body(wall=wall), bent_body(5.0, wall=wall)
     names = [face.name for face in body.faces if face.name.startswith("stem-right")]
     assert names == ["stem-right.1", "stem-right.2", "stem-right.3"]
-    assert Measure(rest.face("stem-right.1").curve).length_mm == pytest.approx(4.0, abs=1e-9)
-    assert Measure(rest.face("stem-right.2").curve).length_mm == pytest.approx(4.0, abs=1e-9)
+    assert ArcLength(rest.face("stem-right.1").curve).length_mm == pytest.approx(4.0, abs=1e-9)
+    assert ArcLength(rest.face("stem-right.2").curve).length_mm == pytest.approx(4.0, abs=1e-9)
     assert body.face("stem-right.2").wall == 0
     assert body.face("stem-right.1").wall is None
     base = rest.marks["stem-base"][1]

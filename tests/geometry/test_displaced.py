@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.curve import CartesianOval, Measure, Spline
+from solen.curve import ArcLength, CartesianOval, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, ContactSegment, bend_of, displaced, y_body
 from solen.geometry.displaced import DisplacedCurve
@@ -177,7 +177,7 @@ def test_refuses_deformed_lens_in_space() -> None:
 
 
 def test_lengths_and_parameters_are_inverse() -> None:
-    measure = Measure(body_at_rest().faces[1].curve)
+    measure = ArcLength(body_at_rest().faces[1].curve)
     u = np.linspace(0.0, 1.0, 9)
     assert [measure.u_at(length) for length in measure.lengths_at(u)] == pytest.approx(u, abs=1e-12)
 

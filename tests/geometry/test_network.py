@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from solen.curve import Arc, Measure, Parabola, Segment
+from solen.curve import Arc, ArcLength, Parabola, Segment
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, body_of, y_body
 from solen.geometry.body import polyline
@@ -99,7 +99,7 @@ def test_bent_spline_keeps_length_and_turns_uniformly() -> None:
 
     rest, bent = bent_spine(0.0), bent_spine(25.0)
     assert bent.end_direction == pytest.approx(Rigid.about((0.0, 0.0), 25.0).vector(rest.end_direction), abs=1e-12)
-    measure, wall = Measure(rest.free), Measure(bent.wall((0.0,), "g"))
+    measure, wall = ArcLength(rest.free), ArcLength(bent.wall((0.0,), "g"))
     assert wall.length_mm == pytest.approx(measure.length_mm, abs=1e-8)
     for fraction in (0.3, 0.8):
         lines = [

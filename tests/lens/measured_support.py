@@ -1,4 +1,4 @@
-"""Profiles of lenses as an image or a print model would give them, from ovals and made-up errors."""
+"""Lens profiles like those from an image or a print model: ovals with simulated errors."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from solen.lens import FittedProfile, MeasuredLens, MeasuredProfile, OvalLens, p
 
 LENS = OvalLens(1.0, 20.0, 2.0, 1.44)
 X = np.linspace(-2.0, 2.0, 2001)
-"""2 µm apart, as the pixels of a micrograph."""
+"""Lateral positions 2 µm apart, like the pixels of a micrograph."""
 
 
 def profile(
@@ -18,13 +18,13 @@ def profile(
     oval: OvalLens = LENS,
     simulated: bool = True,
 ) -> MeasuredProfile:
-    """Profile of an oval with more material by so many µm along its normal."""
+    """Profile of an oval with ``more_um`` of additional material along its normal."""
     z = oval.z_mm(x) - 1e-3 * np.asarray(more_um) * np.hypot(1.0, oval.slope(x))
     return profile_of(x, z, u_mm, simulated=simulated)
 
 
 def noise_um(size_um: float, seed: int = 1, neighbours: float = 0.0) -> FloatArray:
-    """Normal errors of the points, those of ``neighbours`` points going together."""
+    """Normally distributed errors of the points, with a correlation length of ``neighbours`` points."""
     numbers = np.random.default_rng(seed).standard_normal(X.size)
     if neighbours:
         reach = int(5 * neighbours)
@@ -33,13 +33,13 @@ def noise_um(size_um: float, seed: int = 1, neighbours: float = 0.0) -> FloatArr
     return size_um * numbers
 
 
-def lens(found: MeasuredProfile, designed: OvalLens = LENS) -> MeasuredLens:
-    """Lens of a profile that was to be an oval."""
-    return MeasuredLens(FittedProfile(designed, found))
+def lens(measured: MeasuredProfile, designed: OvalLens = LENS) -> MeasuredLens:
+    """Measured lens of a profile whose design is an oval."""
+    return MeasuredLens(FittedProfile(designed, measured))
 
 
 def placed(x_shift_mm: float = 0.0, turn_deg: float = 0.0, scale: float = 1.0, about: float = 0.0) -> MeasuredProfile:
-    """Exact profile of `LENS` scaled about its vertex, turned about (0, ``about``) and shifted; cut to ±2 mm."""
+    """Exact profile of `LENS` scaled about its vertex, rotated about (0, ``about``) and shifted; cut to ±2 mm."""
     wide = OvalLens(1.0, 20.0, 2.2, 1.44)
     x = np.linspace(-2.15, 2.15, 4001)
     points = scale * np.column_stack([x, wide.z_mm(x)]) - [0.0, about]

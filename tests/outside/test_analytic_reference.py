@@ -49,7 +49,7 @@ def last_on_low_side(low: float, high: float, is_low: Callable[[float], bool]) -
 
 
 def only_path_of(scene: Scene) -> RayPath:
-    (path,) = trace(scene, "count", legs=True).paths()
+    (path,) = trace(scene, "count", segments=True).paths()
     return path
 
 
@@ -75,7 +75,7 @@ def brewster_deg(n: float) -> float:
     """Return the angle at which the reflected and the refracted ray are perpendicular."""
 
     def is_obtuse(angle_deg: float) -> bool:
-        paths = trace(half_space(n, ray((0.0, -1.0), angle_deg, 1.0)), "power", LIMITS, legs=True).paths()
+        paths = trace(half_space(n, ray((0.0, -1.0), angle_deg, 1.0)), "power", LIMITS, segments=True).paths()
         first, second = (exit_direction(path) for path in paths)
         return dot(first, second) < 0
 

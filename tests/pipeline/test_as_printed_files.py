@@ -134,7 +134,7 @@ INVALID: list[tuple[list[str], type[SolenError], str]] = [
     (["lens.profile=sensor.toml"], DataError, "lens.profile"),
     (["lens.profile="], SpecError, "lens.profile"),
     (["lens.profile=3"], SpecError, "lens.profile = 3; must be a string"),
-    (["lens.half_width_mm=2.9"], DesignError, "lens.profile = '2001 points from -2 to 2 mm'"),
+    (["lens.half_width_mm=2.9"], DesignError, "lens.profile; has 2001 points on the lens, from -2 to 2 mm"),
     (["lens.focus_mm=1.5"], DesignError, "lens.focus_mm"),
     (["lens.shape=printed"], SpecError, "'layered', 'measured' or 'none'"),
 ]

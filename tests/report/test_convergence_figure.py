@@ -19,7 +19,7 @@ MAX_RAYS = 256
 
 def result(mode: Mode = "power", **values: object) -> Convergence:
     design = with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
-    return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MAX_RAYS)
+    return convergence(Sensor.of(design).scene(0.2), mode, max_rays=MAX_RAYS)
 
 
 @pytest.fixture(scope="module")

@@ -42,7 +42,9 @@ def arc(**options: Any) -> Json:
 
 def orders(imported: rayoptics.Imported) -> dict[float, float]:
     """Brightness of the escaping rays, keyed by the x component of their direction; both are rounded."""
-    observed = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh), legs=True)
+    observed = trace_round_robin(
+        imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh), segments=True
+    )
     assert observed.ledger.total == pytest.approx(1.0, abs=1e-12)
     return {
         round(path.exit_direction[0], 4): round(path.power * imported.scene.emitted, 4)

@@ -173,7 +173,7 @@ def test_ideal_lens_and_mirror_focus_at_focal_length() -> None:
     for kind, focus in (("IdealLens", 40.0), ("IdealMirror", 0.0)):
         ideal = {"type": kind, "p1": point(20, -10), "p2": point(20, 10), "focalLength": 20}
         imported_scene = scene(beam, ideal, rayModeDensity=1).scene
-        for path in trace(imported_scene, "power", legs=True).paths():
+        for path in trace(imported_scene, "power", segments=True).paths():
             (x, z), (dx, dz) = path.points_mm[-1], path.exit_direction or (0.0, 0.0)
             assert z + dz * (focus - x) / dx == pytest.approx(0.0, abs=1e-12)
 

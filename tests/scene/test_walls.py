@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.scene.surface import Coating, Gaussian, Layer, Surface, Texture
@@ -42,13 +42,13 @@ def test_treated_part_has_specified_position_on_both_sides() -> None:
     curves = {i.name: i.curve for i in built.interfaces if i.right == "skin" and i.left == "body"}
     assert set(curves) == {"stem-right.2", "stem-left.2"}
     for curve in curves.values():
-        assert Measure(curve).length_mm == pytest.approx(4.0, abs=1e-9)
+        assert ArcLength(curve).length_mm == pytest.approx(4.0, abs=1e-9)
     right, left = curves["stem-right.2"], curves["stem-left.2"]
     assert left.end == pytest.approx((-right.start[0], right.start[1]), abs=1e-12)
     unturned = Sensor.of(design()).body()
     first = next(i.curve for i in built.interfaces if i.name == "stem-right.1")
     assert first.start == unturned.face("stem-right").curve.start
-    assert Measure(first).length_mm == pytest.approx(2.0, abs=1e-9)
+    assert ArcLength(first).length_mm == pytest.approx(2.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["rotation", "bend"])
@@ -182,4 +182,4 @@ def test_contact_stays_in_place_when_lens_turns(angle_deg: float) -> None:
         )
         assert math.dist(curve_turned.start, curve_at_rest.start) < 1e-9
         assert math.dist(curve_turned.end, curve_at_rest.end) < 1e-9
-        assert np.isfinite(Measure(curve_turned).length_mm)
+        assert np.isfinite(ArcLength(curve_turned).length_mm)

@@ -1,4 +1,4 @@
-"""Golden scenes: how one is read and traced, and what is kept of it."""
+"""Golden scenes: loading, tracing, and their stored readings."""
 
 import csv
 import io
@@ -16,7 +16,7 @@ HEADER = ("mode", "reading", "value", "tolerance")
 
 @dataclass(frozen=True)
 class Row:
-    """One reading of one mode, and how far from it a trace may be."""
+    """A stored reading in one mode, and its tolerance."""
 
     mode: str
     reading: str
@@ -25,12 +25,12 @@ class Row:
 
 
 def scene_of(name: str) -> Scene:
-    """The golden scene of that name."""
+    """Return the golden scene with a name."""
     return load(FOLDER / f"{name}.json")
 
 
 def rows_of(name: str) -> list[Row]:
-    """The readings kept for it."""
+    """Return the stored readings of a scene."""
     with (FOLDER / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         return [
             Row(row["mode"], row["reading"], float(row["value"]), float(row["tolerance"]))
@@ -39,33 +39,32 @@ def rows_of(name: str) -> list[Row]:
 
 
 def readings(result: Trace) -> dict[str, float]:
-    """All numbers of a trace by name."""
-    found = {
-        f"ledger {part}": getattr(result.ledger, part) for part in ("detected", "escaped", "absorbed", "truncated")
-    }
+    """Return the readings of a trace, keyed by name."""
+    fates = ("detected", "escaped", "absorbed", "truncated")
+    values = {f"ledger {fate}": getattr(result.ledger, fate) for fate in fates}
     for name, reading in result.detectors.items():
-        found |= {f"receiver {name}": reading.power}
+        values |= {f"receiver {name}": reading.power}
     for name, crossed in result.monitors.items():
-        found |= {f"monitor {name}": crossed.power}
-        found |= {f"monitor {name} bin {i}": float(power) for i, power in enumerate(crossed.power_by_bin)}
-    return found
+        values |= {f"monitor {name}": crossed.power}
+        values |= {f"monitor {name} bin {i}": float(power) for i, power in enumerate(crossed.power_by_bin)}
+    return values
 
 
-def measured(scene: Scene) -> dict[str, dict[str, float]]:
-    """Readings of both modes; an undefined ray is an error."""
+def traced_readings(scene: Scene) -> dict[str, dict[str, float]]:
+    """Return the readings of a scene in both modes; raise `AssertionError` if a ray is undefined."""
     results = {mode: trace(scene, mode) for mode in MODES}
     for mode, result in results.items():
         if result.undefined:
-            raise AssertionError(f"{scene.name}, {mode}: rays of undefined medium at {result.undefined_at_mm}")
+            raise AssertionError(f"{scene.name}, {mode}: undefined rays at {result.undefined_at_mm}")
     return {mode: readings(result) for mode, result in results.items()}
 
 
 def as_csv(scene: Scene, tolerance: float) -> str:
-    """The readings of a scene as they are kept."""
+    """Return the readings of a scene as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
-    for mode, found in measured(scene).items():
-        for reading, value in found.items():
+    for mode, values in traced_readings(scene).items():
+        for reading, value in values.items():
             writer.writerow((mode, reading, f"{value:.12g}", f"{tolerance:g}"))
     return text.getvalue()

@@ -1,6 +1,6 @@
-"""Write the golden scenes and their readings anew: ``python -m tests.scenes.regenerate [NAME ...]``.
+"""Write the readings of golden scenes again: ``python -m tests.scenes.regenerate [NAME ...]``.
 
-Without names, the readings of all scenes in the folder; with ``--scenes``, the scenes of `SCENES` first.
+Without names, the readings of all scenes are written. With ``--scenes``, the scenes in `SCENES` are written first.
 """
 
 import argparse
@@ -24,12 +24,12 @@ def sensor(design: Design, angle_deg: float) -> Scene:
 
 
 def sensor_turned() -> Scene:
-    """The paper's sensor at −0.5 degrees: light in both arms."""
+    """Return the paper's sensor at −0.5 degrees, with light in both arms."""
     return sensor(Design(name="sensor turned", material=Material(index=1.44)), -0.5)
 
 
 def sensor_behind_a_gap() -> Scene:
-    """A lossy sensor without lens, its receivers behind air gaps."""
+    """Return an absorbing sensor without lens, with receivers behind air gaps."""
     design = Design(
         name="sensor behind a gap",
         material=Material(index=1.49, absorption_per_mm=0.005),
@@ -45,7 +45,7 @@ def polygon(name: str, corners: list[Point], inside: str, outside: str) -> tuple
 
 
 def prism_and_screen() -> Scene:
-    """A polarised beam through a prism onto a screen of two receivers, the reflected light onto a black wall."""
+    """Return a prism in a polarised beam, a screen of two receivers, and a black wall for the reflected light."""
     prism = polygon("prism", [(-2.0, 0.0), (2.0, 0.0), (0.0, 3.4)], "glass", "air")
     screen = (
         Interface("near", Segment((6.0, -6.0), (6.0, -1.0)), "air", "air", "receiver", "near"),
@@ -62,7 +62,7 @@ def prism_and_screen() -> Scene:
 
 
 def nested_balls() -> Scene:
-    """A drop with a bubble and a dense core in it, lit from outside and from within."""
+    """Return a drop that contains a bubble and a dense core, illuminated from outside and from inside."""
     circles = (
         Interface("drop", Arc.circle((0.0, 0.0), 4.0), "water", "air"),
         Interface("bubble", Arc.circle((1.5, 0.5), 1.0).reversed(), "water", "hollow"),
@@ -74,7 +74,7 @@ def nested_balls() -> Scene:
 
 
 def mirror_cabinet() -> Scene:
-    """Straight, circular and parabolic mirrors round single rays, with a receiver and a wall in the openings."""
+    """Return straight, circular and parabolic mirrors around single rays, with a receiver and a wall."""
     mirrors = (
         Interface("flat", Segment((-5.0, -4.0), (5.0, -4.0)), "air", "air", "mirror"),
         Interface("hollow", Arc((0.0, 0.0), 6.0, 150.0, 60.0), "air", "air", "mirror"),
@@ -88,15 +88,15 @@ def mirror_cabinet() -> Scene:
 
 
 def oval_relay() -> Scene:
-    """Two oval lenses face to face, one walked the other way, before a receiver; skewed by 10 degrees."""
+    """Return two oval lenses face to face, one of them reversed, in front of a receiver and rotated by 10 degrees."""
     front = CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, 1.6, 4.0, 12.0, 20.0, -20.0)
     back = front.moved(Rigid.about((0.0, 3.0), 180.0)).reversed()
-    skew = Rigid.about((0.0, 3.0), 10.0)
+    rotation = Rigid.about((0.0, 3.0), 10.0)
     sides = (
-        Interface("front", front.moved(skew), "glass", "air"),
-        Interface("right", Segment(front.end, back.end).moved(skew), "glass", "air", "absorbing"),
-        Interface("back", back.moved(skew), "air", "glass"),
-        Interface("left", Segment(back.start, front.start).moved(skew), "glass", "air", "mirror"),
+        Interface("front", front.moved(rotation), "glass", "air"),
+        Interface("right", Segment(front.end, back.end).moved(rotation), "glass", "air", "absorbing"),
+        Interface("back", back.moved(rotation), "air", "glass"),
+        Interface("left", Segment(back.start, front.start).moved(rotation), "glass", "air", "mirror"),
     )
     screen = Interface("screen", Segment((4.0, 12.0), (-4.0, 12.0)), "air", "air", "receiver", "screen")
     glass = Region("glass", 1.6, 0.03)
@@ -104,19 +104,18 @@ def oval_relay() -> Scene:
 
 
 SCENES: dict[str, tuple[Callable[[], Scene], float]] = {
-    "sensor-turned": (sensor_turned, 1e-3),  # two of 2000 rays: those at the fork's edge go either way
+    "sensor-turned": (sensor_turned, 1e-3),  # two of 2000 rays, which may enter either arm at the edge of the fork
     "sensor-behind-a-gap": (sensor_behind_a_gap, 1e-3),
     "prism-and-screen": (prism_and_screen, 1e-9),
-    "nested-balls": (nested_balls, 1e-6),  # the weight of one branch at the cut
+    "nested-balls": (nested_balls, 1e-6),  # the minimum weight of a branch
     "mirror-cabinet": (mirror_cabinet, 1e-9),
     "oval-relay": (oval_relay, 1e-6),
 }
-"""How each scene was made, and how far a reading may be from the one kept."""
+"""Function that builds each scene, and tolerance of its readings."""
 
 
 def regenerate(name: str, *, scenes: bool) -> None:
-    """Write one scene's readings, and before that the scene itself if asked."""
-
+    """Write the readings of a scene, and if ``scenes``, first the scene itself."""
     make, tolerance = SCENES[name]
     if scenes:
         save(FOLDER / f"{name}.json", make())
@@ -124,10 +123,10 @@ def regenerate(name: str, *, scenes: bool) -> None:
 
 
 def main() -> None:
-    """Read the command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", default=list(SCENES))
-    parser.add_argument("--scenes", action="store_true", help="write the scenes too, from SCENES")
+    parser.add_argument("--scenes", action="store_true", help="also write the scenes in SCENES")
     options = parser.parse_args()
     for name in options.names:
         regenerate(name, scenes=options.scenes)

@@ -13,8 +13,8 @@ from solen.lens import Lens, MeasuredLens, MeasuredProfile, OvalLens, profile_te
 from solen.plane import Rigid
 from solen.sensor import Response, Sensor, as_printed, keys_without_effect, why_inert
 from solen.spec import loads
-from solen.trace import Limits, trace, trace_reference
-from tests.agreement.compare_support import TURN_RAD, compared, turned
+from solen.trace import Limits, Mode
+from tests.agreement.compare_support import compare_tracers
 from tests.lens.measured_support import LENS, X, noise_um, placed, profile
 
 ANGLES = (-3.0, -1.0, -0.3, 0.0, 0.4, 2.0)
@@ -75,11 +75,11 @@ def test_fan_and_integral_agree_on_the_uncertainty_of_the_shape(
     angles = (-1.0, 0.4)
     response, designed = measured.power(angles), measured.as_designed.power(angles)
     by_fan = as_printed(measured, response, designed, draws=2).emitter.u_shape
-    monkeypatch.setattr("solen.lens.measured.DRAWN_CURVE_SHARE", 0.0)
+    monkeypatch.setattr("solen.lens.measured.OUTLINE_TOLERANCE", 0.0)
     lens = measured.cut
     assert isinstance(lens, MeasuredLens)
     deviations = [
-        replace(measured, cut=lens.drawn_within(k)).power(angles, tolerance=1e-4).contrast - response.contrast
+        replace(measured, cut=lens.with_outline(k)).power(angles, tolerance=1e-4).contrast - response.contrast
         for k in (1, 2)
     ]
     assert by_fan == pytest.approx(np.sqrt(np.mean(np.square(deviations), axis=0)), abs=1.5e-3, rel=0.1)
@@ -170,18 +170,13 @@ def test_shifted_lens_moves_the_null_like_a_shifted_emitter(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
-def test_engine_and_reference_agree_on_a_measured_lens(tmp_path: Path, mode: str) -> None:
+def test_engine_and_reference_agree_on_a_measured_lens(tmp_path: Path, mode: Mode) -> None:
     rippled_profile = profile(15.0 * np.sin(4.0 * X) + noise_um(1.0), 0.001)
     scene = sensor(tmp_path, rippled_profile).scene(-1.3, rays=60)
     limits = Limits(max_hits=60) if mode == "count" else Limits(min_weight=1e-3, max_hits=60)
-    truth = trace_reference(scene, mode, limits, legs=True)  # type: ignore[arg-type]
-    others = tuple(
-        trace_reference(turned(scene, angle), mode, limits, legs=True)  # type: ignore[arg-type]
-        for angle in (TURN_RAD, -TURN_RAD)
-    )
-    comparison = compared(truth, others, trace(scene, mode, limits, legs=True))  # type: ignore[arg-type]
-    assert comparison.stretches > 100
-    assert comparison.left_out <= 0.05 * comparison.stretches
+    comparison = compare_tracers(scene, mode, limits)[2]
+    assert comparison.segments > 100
+    assert comparison.excluded <= 0.05 * comparison.segments
     assert comparison.deviation_power < 1e-9
 
 

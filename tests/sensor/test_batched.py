@@ -66,19 +66,20 @@ def random_sensors(count: int, seed: int) -> list[Sensor]:
     return sensors
 
 
-class TracedLegs:
-    """The first legs of all rays through tables, ray by ray, and the powers at both receivers."""
+class TracedSegments:
+    """The first segments of all rays through tables, ray by ray, and the powers at both receivers."""
 
     def __init__(self, tables: Tables, rays: Rows, workspace: batch.DesignBatch) -> None:
         sums = of_tasks(1, 2)
         self.sums = tally.Sums(
             sums.fate[0], sums.detected, sums.arrived, sums.optical, sums.position, sums.angle, sums.crossed,
-            sums.crossings, sums.maps, sums.counts[0], sums.place[0], np.empty((512 * len(rays.x), tally.LEG_WIDTH)),
+            sums.crossings, sums.maps, sums.counts[0], sums.location[0],
+            np.empty((512 * len(rays.x), tally.SEGMENT_WIDTH)),
         )  # fmt: skip
         space = new_buffers(len(rays.x), np.float64, 64 * BLOCK)
         assert loop.trace_rays(batch.DOUBLE, tables, self.sums, rays, workspace.rules, space, None)
-        rows = self.sums.legs[: self.sums.counts[tally.LEGS]]
-        assert len(rows) == self.sums.counts[tally.LEGS] <= len(self.sums.legs)
+        rows = self.sums.segments[: self.sums.counts[tally.SEGMENTS]]
+        assert len(rows) == self.sums.counts[tally.SEGMENTS] <= len(self.sums.segments)
         rows = rows[rows[:, 3] < MAX_HITS]
         self.rows = rows[np.lexsort((rows[:, 3], rows[:, 1], rows[:, 0]))]
         self.power = self.sums.detected
@@ -116,22 +117,24 @@ def distance_from_an_edge(sensor: Sensor, angle: float, first_ray: FloatArray, s
     scene = sensor.scene(angle)
     ends = np.array([end for face in scene.interfaces for end in (face.curve.start, face.curve.end)])
     nearest, difference = math.inf, 0.0
-    for first_leg, second_leg in zip(first_ray, second_ray, strict=False):
+    for first_segment, second_segment in zip(first_ray, second_ray, strict=False):
         difference = max(
             difference,
             float(
-                np.abs(np.nan_to_num(first_leg[6:11], posinf=0.0) - np.nan_to_num(second_leg[6:11], posinf=0.0)).max()
+                np.abs(
+                    np.nan_to_num(first_segment[6:11], posinf=0.0) - np.nan_to_num(second_segment[6:11], posinf=0.0)
+                ).max()
             ),
         )
-        for leg in (first_leg, second_leg):
-            if leg[4] < 0:
+        for segment in (first_segment, second_segment):
+            if segment[4] < 0:
                 continue
-            at, towards = (leg[6] + leg[10] * leg[8], leg[7] + leg[10] * leg[9]), leg[8:10]
+            at, towards = (segment[6] + segment[10] * segment[8], segment[7] + segment[10] * segment[9]), segment[8:10]
             nearest = min(nearest, float(np.min(np.hypot(*(ends - at).T))) - END_TOLERANCE_MM)
-            cos = float(np.dot(scene.interfaces[int(leg[4])].curve.normal_at(at), towards))
+            cos = float(np.dot(scene.interfaces[int(segment[4])].curve.normal_at(at), towards))
             index = sensor.material.index
             nearest = min(nearest, abs(abs(cos) - math.sqrt(1.0 - 1.0 / index**2)))
-        if not np.array_equal(first_leg[1:6], second_leg[1:6]):
+        if not np.array_equal(first_segment[1:6], second_segment[1:6]):
             break
     return nearest - 10.0 * difference
 
@@ -145,26 +148,26 @@ def compare(sensors: list[Sensor], bins: int, rays_per_bin: int) -> tuple[int, i
     workspace = batch.DesignBatch(ANGLES, bins, rays_per_bin, 0, "power", False)
     count, different, largest = 0, 0, 0.0
     for d, sensor in enumerate(sensors):
-        result = workspace.traced(numbers, d, batch.Bins(edges[:-1], edges[1:]), d)
+        result = workspace.trace(numbers, d, batch.Bins(edges[:-1], edges[1:]), d)
         for a, angle in enumerate(ANGLES.tolist()):
             begin, end = a * bins * rays_per_bin, (a + 1) * bins * rays_per_bin
             rays = Rows(*(column[begin:end] for column in workspace.rays))
-            batch_legs, scene_legs = (
-                TracedLegs(tables_of(workspace, a), rays, workspace),
-                TracedLegs(compile_scene(sensor.scene(angle)), rays, workspace),
+            batch_segments, scene_segments = (
+                TracedSegments(tables_of(workspace, a), rays, workspace),
+                TracedSegments(compile_scene(sensor.scene(angle)), rays, workspace),
             )
-            assert result.power[a].sum(axis=0) == pytest.approx(scene_legs.power, abs=1e-8)
-            scene_legs.without_joins(sensor, angle, workspace.starts.piece[a + 1] - workspace.starts.piece[a])
+            assert result.power[a].sum(axis=0) == pytest.approx(scene_segments.power, abs=1e-8)
+            scene_segments.without_joins(sensor, angle, workspace.starts.piece[a + 1] - workspace.starts.piece[a])
             count += end - begin
-            if batch_legs.rows.shape == scene_legs.rows.shape and np.array_equal(
-                batch_legs.rows[:, :6], scene_legs.rows[:, :6]
+            if batch_segments.rows.shape == scene_segments.rows.shape and np.array_equal(
+                batch_segments.rows[:, :6], scene_segments.rows[:, :6]
             ):
-                difference = np.abs(batch_legs.rows[:, 11:13] - scene_legs.rows[:, 11:13]).max(axis=1)
-                different += len(np.unique(batch_legs.rows[difference > EDGE_TOLERANCE, 0]))
+                difference = np.abs(batch_segments.rows[:, 11:13] - scene_segments.rows[:, 11:13]).max(axis=1)
+                different += len(np.unique(batch_segments.rows[difference > EDGE_TOLERANCE, 0]))
                 largest = max(largest, float(difference.max()))
                 continue
             for ray in range(end - begin):
-                first_ray, second_ray = batch_legs.of_ray(ray), scene_legs.of_ray(ray)
+                first_ray, second_ray = batch_segments.of_ray(ray), scene_segments.of_ray(ray)
                 if not (len(first_ray) == len(second_ray) and np.array_equal(first_ray[:, 1:6], second_ray[:, 1:6])):
                     different += 1
                     assert distance_from_an_edge(sensor, angle, first_ray, second_ray) < EDGE_TOLERANCE, (d, angle, ray)
@@ -286,7 +289,7 @@ def test_measured_lens_has_the_powers_of_its_scenes() -> None:
     workspace.prepare(numbers, 0, batch.Bins(np.zeros(1), np.zeros(1)), 0)
     batch_tables, scene_tables = tables_of(workspace, 0), compile_scene(measured.scene(1.0))
     assert batch_tables.shape == pytest.approx(scene_tables.shape, abs=1e-12)
-    assert np.array_equal(batch_tables.before, scene_tables.before)
+    assert np.array_equal(batch_tables.previous, scene_tables.previous)
     result = respond([measured], (1.0,), rays=2**12)
     exact = measured.integrate(1.0, tolerance=1e-3)
     for name, power in (("right", result.right), ("left", result.left)):

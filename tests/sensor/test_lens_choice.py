@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DesignError
-from solen.lens import LayeredLens, Profiles, layers_text
+from solen.lens import LayeredLens, LayerProfiles, layers_text
 from solen.sensor import LensChoice, LensFigures, Response, Sensor
 from solen.sensor.lens_choice import lens_choice
 from solen.spec import loads, template, with_values
@@ -144,7 +144,7 @@ def test_emitter_is_displaced_to_the_worse_side_of_given_profiles(
 ) -> None:
     """A print is not symmetric about the mid-plane of the body."""
     plain = LayeredLens(1.0, 20.0, 2.0, 1.44, layer_mm=0.5)
-    profiles = Profiles("a print", 2.0, plain.edges_mm, plain.profiles[0], simulated=True)
+    profiles = LayerProfiles("a print", 2.0, plain.edges_mm, plain.profiles[0], simulated=True)
     (tmp_path / "printed.json").write_text(layers_text(profiles))
     printed = sensor(lens__shape="layered", lens__profile=str(tmp_path / "printed.json"))
 

@@ -19,7 +19,7 @@ from solen.sensor.traced import with_lit_emitter
 from solen.spec import Design, loads, template, with_values
 from solen.trace import trace
 from solen.trace import trace_reference as reference
-from solen.trace.nets import by_nets
+from solen.trace.nets import integrate_by_nets
 from solen.trace.options import TraceOptions
 from tests.geometry.network_support import INDEX, MOTIONS, READINGS, random_network, three_guides, y_network
 
@@ -322,7 +322,7 @@ def check_errors_of_powers(design: Design, lattices: int) -> None:
     """Check that uncertainties cover the errors of powers from different rays, without exceeding them by far."""
     responses = [network_response(design, [{}], 1e-3, lattice=number) for number in range(lattices)]
     sensors = emitter_sensors(design)
-    fine = [by_nets(sensor.scene(), 1.0, "power", first_rays=2**18, seed=999) for sensor in sensors]
+    fine = [integrate_by_nets(sensor.scene(), 1.0, "power", first_rays=2**18, seed=999) for sensor in sensors]
     detected = [[each.detectors[name] for name in responses[0].receivers] for each in fine]
     true, u_true = (
         np.array([[getattr(each, name) for each in row] for row in detected]) for name in ("power", "u_power")

@@ -103,7 +103,7 @@ def test_search_for_pieces_ends_at_a_matched_index() -> None:
 
 
 def test_search_for_pieces_has_a_limit(paper: Sensor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("solen.trace.cone.MAX_LEGS_AGAIN", 1000)
+    monkeypatch.setattr("solen.trace.cone.MAX_MOVED_SEGMENTS", 1000)
     assert not paper.derivative("body.arm_width_mm", ANGLE_DEG).reached
 
 

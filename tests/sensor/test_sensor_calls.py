@@ -71,8 +71,8 @@ def test_trace_has_the_rays_and_mode_of_the_design_by_default() -> None:
     assert (plain.mode, plain.rays) == ("power", 40)
     with_options = sensor.trace(1.0, "count", 60)
     assert (with_options.mode, with_options.rays) == ("count", 60)
-    assert plain.legs is None
-    assert len(sensor.trace(legs=True).paths()) > 0
+    assert plain.segments is None
+    assert len(sensor.trace(segments=True).paths()) > 0
 
 
 @pytest.mark.parametrize("angle_deg", [-2.0, 0.25, 1.0])

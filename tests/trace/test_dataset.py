@@ -1,4 +1,4 @@
-"""A trace as a data set: everything that it holds, by name and with a unit, in memory and in a file."""
+"""A trace as a data set, in memory and as a netCDF file."""
 
 import dataclasses
 import sys
@@ -14,11 +14,11 @@ from solen.errors import OutputError
 from solen.extras import PACKAGES
 from solen.scene import Beam, Fan, Interface, Monitor, Region, Scene
 from solen.trace import Detected, Limits, Trace, integrate, save_netcdf, to_dataset, trace, trace_reference
-from solen.trace.result import LEG, Crossed
+from solen.trace.result import SEGMENT_FIELDS, Crossed
 
 AIR, GLASS = Region("air", 1.0), Region("glass", 1.5)
 
-SAME = (
+SAME_NAME = (
     "rays",
     "ledger",
     "missed",
@@ -34,17 +34,17 @@ SAME = (
     "reached",
     "single_error",
 )
-WHERE = {
+VARIABLES = {
     **{name: f"attribute {name}" for name in ("mode", "method", "why")},
-    **{name: name for name in SAME},
+    **{name: name for name in SAME_NAME},
     "detectors": "power",
     "monitors": "net_power",
-    "legs": "leg_ray",
+    "segments": "segment_ray",
     "undefined_at_mm": "undefined_x_mm",
     "truncated_at_mm": "truncated_z_mm",
 }
-"""Where each field of a trace is found."""
-OF_RECEIVER = {
+"""Variable or attribute for each field of a trace."""
+RECEIVER_VARIABLES = {
     "power": "power",
     "u_power": "power_u",
     "rays": "arrived",
@@ -53,145 +53,152 @@ OF_RECEIVER = {
     "power_by_position": "power_by_position",
     "power_by_angle": "power_by_angle",
 }
-OF_MONITOR = {"power": "net_power", "u_power": "net_power_u", "rays": "crossings", "power_by_bin": "net_power_by_bin"}
+MONITOR_VARIABLES = {
+    "power": "net_power",
+    "u_power": "net_power_u",
+    "rays": "crossings",
+    "power_by_bin": "net_power_by_bin",
+}
 
 
-def everything() -> Scene:
-    """Two sources under two receivers of different make, two mirrors, and a face to a medium that no ray is in."""
-    up: list[tuple[str, float, float, str]] = [("left half", 0.0, -2.0, "wide"), ("right half", 2.0, 0.0, "wide")]
-    up += [("alone", 4.0, 3.0, "narrow")]
-    receivers = [Interface(n, Segment((a, 5.0), (b, 5.0)), "air", "air", "receiver", who) for n, a, b, who in up]
+def scene() -> Scene:
+    """Return two sources, receivers with different numbers of faces, two mirrors, and a face to an unknown medium."""
+    faces = [("left half", 0.0, -2.0, "wide"), ("right half", 2.0, 0.0, "wide"), ("single", 4.0, 3.0, "narrow")]
+    receivers = [
+        Interface(name, Segment((a, 5.0), (b, 5.0)), "air", "air", "receiver", receiver)
+        for name, a, b, receiver in faces
+    ]
     ends = {"above": ((-3.0, 4.0), (-4.0, 4.0)), "below": ((-10.0, -1.0), (-8.0, -1.0))}
     mirrors = [Interface(name, Segment(a, b), "air", "air", "mirror") for name, (a, b) in ends.items()]
-    odd = Interface("odd", Segment((-8.0, -1.0), (-6.0, -1.0)), "glass", "air")
+    glass = Interface("glass", Segment((-8.0, -1.0), (-6.0, -1.0)), "glass", "air")
     sources = (Fan((0.0, 0.0), 0.0, 110.0, 200, power=3.0), Beam((1.0, 1.0), (3.5, 1.0), 0.0, 50))
-    monitors = (Monitor("fine", (5.0, 2.0), (-5.0, 2.0), 3), Monitor("whole", (-1.0, 3.0), (1.0, 3.0)))
-    return Scene((AIR, GLASS), (*receivers, *mirrors, odd), sources, monitors, open_media=True)
+    monitors = (Monitor("with bins", (5.0, 2.0), (-5.0, 2.0), 3), Monitor("without bins", (-1.0, 3.0), (1.0, 3.0)))
+    return Scene((AIR, GLASS), (*receivers, *mirrors, glass), sources, monitors, open_media=True)
 
 
 @pytest.fixture(scope="module")
-def whole() -> Trace:
-    """A trace that has something of everything: a ray is cut at the second mirror."""
-    return trace(everything(), "power", Limits(max_hits=2), position_bins=4, angle_bins=6, legs=True)
+def traced() -> Trace:
+    """A trace with data in all fields; a ray is truncated at the second mirror."""
+    return trace(scene(), "power", Limits(max_hits=2), position_bins=4, angle_bins=6, segments=True)
 
 
-def same(one: object, other: object) -> bool:
-    return bool(np.array_equal(np.asarray(one, dtype=float), np.asarray(other, dtype=float), equal_nan=True))
+def equal(a: object, b: object) -> bool:
+    return bool(np.array_equal(np.asarray(a, dtype=float), np.asarray(b, dtype=float), equal_nan=True))
 
 
-def test_every_field_of_a_trace_is_there(whole: Trace) -> None:
-    found = whole.to_dataset()
-    assert {field.name for field in dataclasses.fields(Trace)} == WHERE.keys()
-    assert {field.name for field in dataclasses.fields(Detected)} == OF_RECEIVER.keys()
-    assert {field.name for field in dataclasses.fields(Crossed)} == OF_MONITOR.keys()
-    for name in (*WHERE.values(), *OF_RECEIVER.values(), *OF_MONITOR.values()):
+def test_every_field_has_a_variable(traced: Trace) -> None:
+    dataset = traced.to_dataset()
+    assert {field.name for field in dataclasses.fields(Trace)} == VARIABLES.keys()
+    assert {field.name for field in dataclasses.fields(Detected)} == RECEIVER_VARIABLES.keys()
+    assert {field.name for field in dataclasses.fields(Crossed)} == MONITOR_VARIABLES.keys()
+    for name in (*VARIABLES.values(), *RECEIVER_VARIABLES.values(), *MONITOR_VARIABLES.values()):
         kind, _, attribute = name.partition(" ")
-        assert (attribute in found.attrs) if kind == "attribute" else (name in found), name
-    assert {f"leg_{name}" for name in LEG.names or ()} <= set(found)
+        assert (attribute in dataset.attrs) if kind == "attribute" else (name in dataset), name
+    assert {f"segment_{name}" for name in SEGMENT_FIELDS.names or ()} <= set(dataset)
 
 
-def test_receivers_are_those_of_the_trace(whole: Trace) -> None:
-    found = whole.to_dataset()
-    assert set(whole.detectors) == {"wide", "narrow"}
-    for name, reading in whole.detectors.items():
+def test_receivers(traced: Trace) -> None:
+    dataset = traced.to_dataset()
+    assert set(traced.detectors) == {"wide", "narrow"}
+    for name, reading in traced.detectors.items():
         assert reading.power > 0.0
-        one = found.sel(receiver=name)
-        for field, variable in OF_RECEIVER.items():
-            values = one[variable].values
+        receiver = dataset.sel(receiver=name)
+        for field, variable in RECEIVER_VARIABLES.items():
+            values = receiver[variable].values
             if field == "power_by_position":
                 faces = len(reading.power_by_position)
                 assert np.isnan(values[faces:]).all()
                 values = values[:faces]
-            assert same(values, getattr(reading, field)), (name, field)
-    assert found["power_by_position"].dims == ("receiver", "face", "position_bin")
-    assert list(found["position_bin"].values) == [0.125, 0.375, 0.625, 0.875]
-    assert list(found["angle_bin"].values) == [-75.0, -45.0, -15.0, 15.0, 45.0, 75.0]
-    for part, dimension in (("angle", "angle_bin"), ("source", "source"), ("position", ("face", "position_bin"))):
-        assert np.allclose(found[f"power_by_{part}"].sum(dimension), found["power"], rtol=0.0, atol=1e-12)
+            assert equal(values, getattr(reading, field)), (name, field)
+    assert dataset["power_by_position"].dims == ("receiver", "face", "position_bin")
+    assert list(dataset["position_bin"].values) == [0.125, 0.375, 0.625, 0.875]
+    assert list(dataset["angle_bin"].values) == [-75.0, -45.0, -15.0, 15.0, 45.0, 75.0]
+    for name, dimension in (("angle", "angle_bin"), ("source", "source"), ("position", ("face", "position_bin"))):
+        assert np.allclose(dataset[f"power_by_{name}"].sum(dimension), dataset["power"], rtol=0.0, atol=1e-12)
 
 
-def test_monitors_ledger_places_and_legs_are_those_of_the_trace(whole: Trace) -> None:
-    found = whole.to_dataset()
-    for name, crossed in whole.monitors.items():
-        one = found.sel(monitor=name)
-        for field, variable in OF_MONITOR.items():
-            values = np.atleast_1d(one[variable].values)
-            wanted = np.atleast_1d(getattr(crossed, field))
-            assert same(values[: len(wanted)], wanted), (name, field)
-            assert np.isnan(values[len(wanted) :]).all()
-    for part in ("detected", "escaped", "absorbed", "truncated"):
-        assert float(found["ledger"].sel(fate=part)) == getattr(whole.ledger, part)
-    assert float(found["ledger"].sum()) == pytest.approx(1.0, abs=1e-12)
-    assert (int(found["rays"]), int(found["hits"])) == (whole.rays, whole.hits)
-    for kind, places in (("undefined", whole.undefined_at_mm), ("truncated", whole.truncated_at_mm)):
-        assert int(found[kind]) == getattr(whole, kind) > 0
-        assert len(places) > 0
-        assert same(np.column_stack([found[f"{kind}_x_mm"], found[f"{kind}_z_mm"]]), places)
-    assert whole.legs is not None
-    for name in LEG.names or ():
-        assert same(found[f"leg_{name}"], whole.legs[name])
+def test_monitors(traced: Trace) -> None:
+    dataset = traced.to_dataset()
+    for name, crossed in traced.monitors.items():
+        monitor = dataset.sel(monitor=name)
+        for field, variable in MONITOR_VARIABLES.items():
+            values = np.atleast_1d(monitor[variable].values)
+            expected = np.atleast_1d(getattr(crossed, field))
+            assert equal(values[: len(expected)], expected), (name, field)
+            assert np.isnan(values[len(expected) :]).all()
 
 
-def test_every_variable_says_what_it_is_and_in_what_unit(whole: Trace) -> None:
-    found = whole.to_dataset()
-    for name, variable in found.variables.items():
+def test_ledger_locations_and_segments(traced: Trace) -> None:
+    dataset = traced.to_dataset()
+    for fate in ("detected", "escaped", "absorbed", "truncated"):
+        assert float(dataset["ledger"].sel(fate=fate)) == getattr(traced.ledger, fate)
+    assert float(dataset["ledger"].sum()) == pytest.approx(1.0, abs=1e-12)
+    assert (int(dataset["rays"]), int(dataset["hits"])) == (traced.rays, traced.hits)
+    for kind, locations in (("undefined", traced.undefined_at_mm), ("truncated", traced.truncated_at_mm)):
+        assert int(dataset[kind]) == getattr(traced, kind) > 0
+        assert len(locations) > 0
+        assert equal(np.column_stack([dataset[f"{kind}_x_mm"], dataset[f"{kind}_z_mm"]]), locations)
+    assert traced.segments is not None
+    for name in SEGMENT_FIELDS.names or ():
+        assert equal(dataset[f"segment_{name}"], traced.segments[name])
+
+
+def test_variables_have_descriptions_and_units(traced: Trace) -> None:
+    for name, variable in traced.to_dataset().variables.items():
         assert variable.attrs["long_name"], name
         if variable.dtype.kind in "if":
             unit = variable.attrs["units"]
             assert unit == ("mm" if str(name).endswith("_mm") else "degree" if name == "angle_bin" else "1"), name
 
 
-def test_it_says_that_it_is_simulated_and_by_what(whole: Trace) -> None:
-    told = whole.to_dataset({"name": "mine", "angle_deg": 0.5, "simulated": 0}).attrs
-    assert (told["simulated"], told["source"]) == (1, f"solen {solen.__version__}")
-    assert (told["mode"], told["method"]) == ("power", "fan")
-    assert (told["name"], told["angle_deg"]) == ("mine", 0.5)
+def test_attributes(traced: Trace) -> None:
+    attributes = traced.to_dataset({"name": "own", "angle_deg": 0.5, "simulated": 0}).attrs
+    assert (attributes["simulated"], attributes["source"]) == (1, f"solen {solen.__version__}")
+    assert (attributes["mode"], attributes["method"]) == ("power", "fan")
+    assert (attributes["name"], attributes["angle_deg"]) == ("own", 0.5)
 
 
-def test_what_a_trace_has_nothing_of_has_no_dimension() -> None:
-    bare = Scene((AIR,), (Interface("wall", Segment((1.0, 5.0), (-1.0, 5.0)), "air", "air", "absorbing"),),
-                 (Fan((0.0, 0.0), 0.0, 10.0, 8),))  # fmt: skip
-    found = trace(bare).to_dataset()
-    assert set(found.sizes) == {"fate"}
-    assert np.isnan(float(found["single_error"]))
-    assert not set(found) & {"power", "net_power", "leg_ray", "undefined_x_mm", "power_by_position"}
+def test_missing_data_have_no_dimension() -> None:
+    wall = Interface("wall", Segment((1.0, 5.0), (-1.0, 5.0)), "air", "air", "absorbing")
+    dataset = trace(Scene((AIR,), (wall,), (Fan((0.0, 0.0), 0.0, 10.0, 8),))).to_dataset()
+    assert set(dataset.sizes) == {"fate"}
+    assert np.isnan(float(dataset["single_error"]))
+    assert not set(dataset) & {"power", "net_power", "segment_ray", "undefined_x_mm", "power_by_position"}
 
 
-@pytest.mark.parametrize("way", ["integrate", "reference", "single", "sobol"])
-def test_traces_of_all_kinds_become_data_sets(way: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("tracer", ["integrate", "reference", "single", "sobol"])
+def test_all_tracers(tracer: str, tmp_path: Path) -> None:
     wall = Interface("wall", Segment((1.0, 5.0), (-1.0, 5.0)), "air", "air", "receiver", "right")
     scene = Scene((AIR,), (wall,), (Fan((0.0, 0.0), 0.0, 40.0, 64),))
-    done = {
+    result = {
         "integrate": lambda: integrate(scene, "power", 1e-6),
         "reference": lambda: trace_reference(scene, "power"),
         "single": lambda: trace(scene, "power", precision="single"),
         "sobol": lambda: trace(scene, "roulette", sampling="sobol", seed=3),
-    }[way]()
-    found = to_dataset(done)
-    assert found.attrs["method"] == done.method
-    assert float(found["power"].sel(receiver="right")) == done.detectors["right"].power
-    assert np.isnan(float(found["single_error"])) == (way != "single")
-    assert read(save_netcdf(tmp_path / "a.nc", done)).identical(found)
+    }[tracer]()
+    dataset = to_dataset(result)
+    assert dataset.attrs["method"] == result.method
+    assert float(dataset["power"].sel(receiver="right")) == result.detectors["right"].power
+    assert np.isnan(float(dataset["single_error"])) == (tracer != "single")
+    assert read(save_netcdf(tmp_path / "a.nc", result)).identical(dataset)
 
 
 def read(path: Path) -> xr.Dataset:
     return xr.load_dataset(path, engine="h5netcdf")
 
 
-def test_a_file_gives_back_what_was_written(whole: Trace, tmp_path: Path) -> None:
-    about: dict[str, str | int | float] = {"name": "Ω – 1", "angle_deg": -3.0}
+def test_file_round_trip(traced: Trace, tmp_path: Path) -> None:
+    attributes: dict[str, str | int | float] = {"name": "Ω – 1", "angle_deg": -3.0}
     target = tmp_path / "a trace.nc"
-    assert save_netcdf(target, whole, about) == target
-    assert read(target).identical(whole.to_dataset(about))
+    assert save_netcdf(target, traced, attributes) == target
+    assert read(target).identical(traced.to_dataset(attributes))
     first = target.read_bytes()
-    save_netcdf(str(target), whole, about)
+    save_netcdf(str(target), traced, attributes)
     assert target.read_bytes() == first
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(
-    whole: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_keeps_the_old_file(traced: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "a.nc"
     target.write_bytes(b"old")
 
@@ -201,23 +208,23 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
 
     monkeypatch.setattr(xr.Dataset, "to_netcdf", fails)
     with pytest.raises(OutputError, match="No space left on device"):
-        save_netcdf(target, whole)
+        save_netcdf(target, traced)
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_folder_that_is_not_there_is_one_line(whole: Trace, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot be written") as refusal:
-        save_netcdf(tmp_path / "no" / "a.nc", whole)
-    assert len(str(refusal.value).splitlines()) == 1
+def test_missing_folder_is_reported_in_one_line(traced: Trace, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written") as error:
+        save_netcdf(tmp_path / "no" / "a.nc", traced)
+    assert len(str(error.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("missing", ["xarray", "h5netcdf", "h5py"])
-def test_what_is_not_installed_is_reported_with_its_remedy(
-    whole: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+def test_missing_package_is_reported_with_its_remedy(
+    traced: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(OutputError, match=f"needs {missing}") as refusal:
-        save_netcdf(tmp_path / "a.nc", whole)
-    assert str(refusal.value).endswith(PACKAGES[missing].command)
+    with pytest.raises(OutputError, match=missing) as error:
+        save_netcdf(tmp_path / "a.nc", traced)
+    assert str(error.value).endswith(PACKAGES[missing].command)
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Options of a trace: ranges, what goes together, and the trace that follows from them."""
+"""Options of a trace: ranges, combinations, and the resulting trace."""
 
 import pytest
 
@@ -31,16 +31,16 @@ def scene(rays: int = 101, monitors: tuple[Monitor, ...] = ()) -> Scene:
         ({"mode": "waves"}, ("mode", "waves")),
     ],
 )
-def test_a_wrong_option_is_named_with_its_value(values: dict[str, object], names: tuple[str, ...]) -> None:
-    with pytest.raises(SpecError) as refused:
+def test_refuses_invalid_options(values: dict[str, object], names: tuple[str, ...]) -> None:
+    with pytest.raises(SpecError) as error:
         TraceOptions(**values)
-    assert all(name in str(refused.value) for name in names)
+    assert all(name in str(error.value) for name in names)
 
 
-def test_the_options_choose_the_trace() -> None:
-    found = trace_with(scene(), TraceOptions(mode="count", histogram=4))
-    assert (found.mode, found.method, found.simulated) == ("count", "fan", True)
-    assert found.detectors["eye"].power_by_angle.shape == (4,)
+def test_options_determine_the_trace() -> None:
+    counted = trace_with(scene(), TraceOptions(mode="count", histogram=4))
+    assert (counted.mode, counted.method, counted.simulated) == ("count", "fan", True)
+    assert counted.detectors["eye"].power_by_angle.shape == (4,)
     assert trace_with(scene(), TraceOptions(sampling="sobol", seed=3)).detectors["eye"].power == (
         trace(scene(), "power", sampling="sobol", seed=3).detectors["eye"].power
     )
@@ -49,7 +49,7 @@ def test_the_options_choose_the_trace() -> None:
     assert trace_with(scene(), TraceOptions(), "count").mode == "count"
 
 
-def test_what_has_no_effect_on_a_scene_is_refused() -> None:
+def test_refuses_options_without_effect() -> None:
     with pytest.raises(SpecError, match="seed"):
         trace_with(scene(), TraceOptions(seed=1))
     with pytest.raises(SpecError, match="paths"):
@@ -60,11 +60,11 @@ def test_what_has_no_effect_on_a_scene_is_refused() -> None:
         check_paths(scene(MAX_PATHS + 1))
 
 
-def test_a_trace_is_plain_data_without_its_legs() -> None:
-    found = trace_with(scene(), TraceOptions(), paths=True)
-    told = found.to_dict()
-    assert told["simulated"] is True
-    assert {"u_power", "undefined_at_mm", "truncated_at_mm"} < told.keys()
-    assert "legs" not in told
-    assert told["detectors"]["eye"]["power"] == found.detectors["eye"].power
-    assert found.paths()[0].to_dict()["points_mm"] == found.paths()[0].points_mm.tolist()
+def test_conversion_to_dict_omits_segments() -> None:
+    result = trace_with(scene(), TraceOptions(), paths=True)
+    converted = result.to_dict()
+    assert converted["simulated"] is True
+    assert {"u_power", "undefined_at_mm", "truncated_at_mm"} < converted.keys()
+    assert "segments" not in converted
+    assert converted["detectors"]["eye"]["power"] == result.detectors["eye"].power
+    assert result.paths()[0].to_dict()["points_mm"] == result.paths()[0].points_mm.tolist()

@@ -7,8 +7,8 @@ lost, however close.
 
 Public names: `Curve` with its subclasses `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, each of which `simple_pieces` splits into a few
-`Piece` objects. `Measure` computes lengths along a curve; `fitted` approximates any other curve by a spline, and
-`carried` a curve whose points are displaced. Coordinates are (x, z) in mm.
+`Piece` objects. `ArcLength` is the length along a curve; `fitted_spline` approximates a curve defined by a function,
+and `displaced_spline` one whose points are displaced. Coordinates are (x, z) in mm.
 """
 
 from solen.curve.arc import Arc
@@ -28,8 +28,8 @@ from solen.curve.base import (
 from solen.curve.chain import CubicChain
 from solen.curve.conic import Conic, Parabola
 from solen.curve.cubic import Piece, cut, simple_pieces
-from solen.curve.hermite import Function, carried, fitted
-from solen.curve.length import Measure
+from solen.curve.hermite import Function, displaced_spline, fitted_spline
+from solen.curve.length import ArcLength
 from solen.curve.oval import CartesianOval
 from solen.curve.segment import Segment
 from solen.curve.spline import Bezier, Spline
@@ -40,25 +40,25 @@ __all__ = [
     "ROUNDING",
     "SMALL",
     "Arc",
+    "ArcLength",
     "Bezier",
     "CartesianOval",
     "Conic",
     "CubicChain",
     "Curve",
     "Function",
-    "Measure",
     "Parabola",
     "Piece",
     "Segment",
     "Spline",
-    "carried",
     "check_axis",
     "check_count",
     "check_numbers",
     "check_points",
     "check_range",
     "cut",
-    "fitted",
+    "displaced_spline",
+    "fitted_spline",
     "quadratic_roots",
     "simple_pieces",
 ]

@@ -47,9 +47,9 @@ class Arc(Curve):
         r = minus(b, middle)
         if not abs(twice_area) > 1e-6 * max(dot(p, p), dot(q, q), dot(r, r)):
             raise DesignError(
-                "arc",
-                value=f"through {a}, {middle}, {b}",
-                limit="the three points are on one line",
+                "arc through points",
+                value=(a, middle, b),
+                limit="must not be on one line",
                 remedy="use a segment",
             )
         pp, qq = dot(p, p), dot(q, q)
@@ -105,8 +105,8 @@ class Arc(Curve):
         if leaving:
             roots = quadratic_roots(1.0, 2.0 * half_b, rest, leaving=True)
         else:
-            passes_mm = abs(cross(from_center, direction))  # far away, rounding would drown b² − 4ac
-            square = (self.radius_mm - passes_mm) * (self.radius_mm + passes_mm)
+            nearest_mm = abs(cross(from_center, direction))  # for a distant origin, rounding would swamp b² − 4ac
+            square = (self.radius_mm - nearest_mm) * (self.radius_mm + nearest_mm)
             if square > 0.0:  # a tangent line does not cross the arc
                 q = -half_b - math.copysign(math.sqrt(square), half_b)
                 roots = (q, rest / q) if q != 0.0 else ()
@@ -124,8 +124,8 @@ class Arc(Curve):
     def _holds(self, point: Point) -> bool:
         """Return whether a point on the circle is on the arc, from its distance from the arc's axis of symmetry."""
         offset = minus(point, self.center)
-        beside = abs(cross(self.middle, offset))
+        lateral = abs(cross(self.middle, offset))
         end = self.radius_mm * math.sin(math.radians(self.half_deg))
         if self.half_deg <= 90.0:
-            return dot(self.middle, offset) >= -END_TOLERANCE_MM and beside <= end + END_TOLERANCE_MM
-        return dot(self.middle, offset) >= 0.0 or beside >= end - END_TOLERANCE_MM
+            return dot(self.middle, offset) >= -END_TOLERANCE_MM and lateral <= end + END_TOLERANCE_MM
+        return dot(self.middle, offset) >= 0.0 or lateral >= end - END_TOLERANCE_MM

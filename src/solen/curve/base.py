@@ -1,4 +1,4 @@
-"""Base class of curves, with common checks of numbers, tolerances and quadratic equations."""
+"""Base class of curves, with their tolerances, checks of numbers, and quadratic equations."""
 
 import math
 from abc import ABC, abstractmethod
@@ -17,13 +17,13 @@ ROUNDING = 4e-16
 """Residual due to rounding, relative to the lengths from which it was computed."""
 MAX_POINTS = 2**16
 SMALL = 1e-3
-"""Largest constant term of a quadratic for which its root is corrected to first order."""
+"""Largest constant term of a polynomial, relative to its other terms, for which a root is corrected to first order."""
 
 
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
     """Return the real roots of a t² + b t + c, without cancellation; ``leaving`` divides out the root next to t = 0.
 
-    A double root does not count: a line that only touches a curve does not cross it.
+    A double root is omitted: a line that only touches a curve does not cross it.
 
     The starting point of a ray is on its curve only to within rounding error, which leaves a tiny c. The other root
     −b/a is corrected for c to first order; otherwise the rounding errors of many chords of one circle would add up
@@ -63,9 +63,9 @@ def check_range(
 def check_count(what: str, value: object, least: int) -> None:
     """Raise `DesignError` if a value is not an integer of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
+        raise DesignError(what, value=value, limit=f"must be an integer of at least {least}")
     if value >= 2**63:
-        raise DesignError(what, value="a number with many digits", limit="must be below 2 to the power of 63")
+        raise DesignError(what, limit="must be below 2 to the power of 63")
 
 
 def check_points(what: str, *points: object) -> None:
@@ -96,7 +96,7 @@ class Curve(ABC):
 
     @abstractmethod
     def part(self, u_from: float, u_to: float) -> "Curve":
-        """Return the part of the curve between two ascending parameters; all its points are exactly on the curve."""
+        """Return the part of the curve from one parameter to a larger one; all its points are exactly on the curve."""
 
     @abstractmethod
     def normal_at(self, point: Point) -> Point:
@@ -106,7 +106,7 @@ class Curve(ABC):
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """Return the distances > 0 in mm at which a ray (unit direction) meets the curve, in any order.
 
-        ``leaving`` means that the ray starts on this curve; its starting point is then not among the intersections.
+        ``leaving`` means that the ray starts on this curve; its starting point is then not one of the intersections.
         """
 
     @abstractmethod
@@ -129,7 +129,7 @@ class Curve(ABC):
 
     @property
     def middle_point(self) -> Point:
-        """Return the point at half the parameter range, mm."""
+        """Point at half the parameter range, mm."""
         return self.point_at(0.5)
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:

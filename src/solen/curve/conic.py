@@ -29,7 +29,7 @@ class Parabola(Curve):
         check_axis("parabola axis", self.axis)
         check_numbers("parabola", self.curve_per_mm, self.from_mm, self.to_mm)
         if self.from_mm == self.to_mm:
-            raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length above 0")
+            raise DesignError("parabola from_mm and to_mm", value=self.from_mm, limit="must differ")
 
     def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
@@ -79,11 +79,11 @@ class Parabola(Curve):
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
 
-MIN_UNDER_ROOT = 1e-6
-"""Minimum 1 − (1 + K) c² r² at an end of a conic; closer to the widest point, r is ambiguous."""
-SHEET = -1e-9
-"""Minimum 1 − (1 + K) c w that rounding may cause at the widest point of a conic; beyond that point the value is
-lower.
+MIN_RADICAND = 1e-6
+"""Minimum 1 − (1 + K) c² r² at an end of a conic; closer to the widest point, r hardly changes along the curve."""
+MIN_ON_VERTEX_SIDE = -1e-9
+"""Minimum 1 − (1 + K) c w on the vertex side of a conic: it is 0 at the widest point, but for rounding, and negative
+beyond.
 """
 
 
@@ -92,7 +92,7 @@ class Conic(Curve):
     """Part of a conic section in vertex form, c r² − 2 w + (1 + K) c w² = 0, w along the axis and r across it.
 
     r is positive on the right of ``axis`` (a unit vector): with the axis along +z, r is x − x0 and w is z − z0. c is
-    ``curvature_per_mm``, 1 over the vertex radius, positive where the curve bends towards the axis; K is
+    ``curvature_per_mm``, 1 over the vertex radius, positive if the curve bends to where ``axis`` points; K is
     ``conic_constant``: 0 for a circle, −1 for a parabola, below −1 for a hyperbola, above −1 for an ellipse (oblate for
     K > 0). The curve runs from r = ``from_mm`` to ``to_mm``, and both ends are before its widest point: it is on the
     vertex side and, for a hyperbola, on the vertex branch. The other side and the other branch satisfy the equation but
@@ -111,14 +111,14 @@ class Conic(Curve):
         check_axis("conic axis", self.axis)
         check_numbers("conic", self.curvature_per_mm, self.conic_constant, self.from_mm, self.to_mm)
         if self.from_mm == self.to_mm:
-            raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length above 0")
+            raise DesignError("conic from_mm and to_mm", value=self.from_mm, limit="must differ")
         for name, end_mm in (("from_mm", self.from_mm), ("to_mm", self.to_mm)):
-            if not self._under_root(end_mm) >= MIN_UNDER_ROOT:
+            if not self._radicand(end_mm) >= MIN_RADICAND:
                 raise DesignError(
                     f"conic {name}",
                     value=end_mm,
-                    limit=f"must be within {math.sqrt(1.0 - MIN_UNDER_ROOT) * self.half_width_mm:.9g} mm of the axis",
-                    remedy="end it nearer to the axis, or make the curvature or the conic constant smaller",
+                    limit=f"must be within {math.sqrt(1.0 - MIN_RADICAND) * self.half_width_mm:.9g} mm of the axis",
+                    remedy="end it nearer to the axis, or reduce the curvature or the conic constant",
                 )
 
     @property
@@ -135,8 +135,8 @@ class Conic(Curve):
     def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm
-        beside = np.outer(lateral, right_of(self.axis))
-        return np.asarray(np.asarray(self.vertex) + beside + np.outer(self.sag_mm(lateral), self.axis))
+        across = np.outer(lateral, right_of(self.axis))
+        return np.asarray(np.asarray(self.vertex) + across + np.outer(self.sag_mm(lateral), self.axis))
 
     def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`."""
@@ -154,26 +154,26 @@ class Conic(Curve):
         """See :meth:`Curve.normal_at`."""
         lateral, depth = self._frame(minus(point, self.vertex))
         tangent = unit(self._tangent(lateral, depth))
-        side, forwards = right_of(self.axis), 1.0 if self.to_mm > self.from_mm else -1.0
-        along_it = (
-            forwards * (tangent[0] * side[0] + tangent[1] * self.axis[0]),
-            forwards * (tangent[0] * side[1] + tangent[1] * self.axis[1]),
+        side, sign = right_of(self.axis), 1.0 if self.to_mm > self.from_mm else -1.0
+        forwards = (
+            sign * (tangent[0] * side[0] + tangent[1] * self.axis[0]),
+            sign * (tangent[0] * side[1] + tangent[1] * self.axis[1]),
         )
-        return left_of(along_it)
+        return left_of(forwards)
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """See :meth:`Curve.hits`."""
         c, k = self.curvature_per_mm, self.conic_constant
         start = minus(origin, self.vertex)
-        # Counted from the foot of the vertex: from far away, rounding would drown b² − 4ac.
-        skipped = 0.0 if leaving else -dot(start, direction)
-        r, w = self._frame((start[0] + skipped * direction[0], start[1] + skipped * direction[1]))
+        # Distances from the point nearest to the vertex: for a distant origin, rounding would swamp b² − 4ac.
+        to_nearest = 0.0 if leaving else -dot(start, direction)
+        r, w = self._frame((start[0] + to_nearest * direction[0], start[1] + to_nearest * direction[1]))
         dr, dw = self._frame(direction)
         square = c * (dr * dr + (1.0 + k) * dw * dw)
         linear = 2.0 * (c * r * dr - dw + (1.0 + k) * c * w * dw)
         rest = c * r * r - 2.0 * w + (1.0 + k) * c * w * w
         roots = quadratic_roots(square, linear, rest, leaving=leaving)
-        return tuple(skipped + t for t in roots if skipped + t > 0.0 and self._holds(r + t * dr, w + t * dw))
+        return tuple(to_nearest + t for t in roots if to_nearest + t > 0.0 and self._holds(r + t * dr, w + t * dw))
 
     def moved(self, motion: Rigid) -> "Conic":
         """See :meth:`Curve.moved`."""
@@ -187,26 +187,26 @@ class Conic(Curve):
         """Return a vector as (r, w)."""
         return (dot(vector, right_of(self.axis)), dot(vector, self.axis))
 
-    def _under_root(self, lateral_mm: float) -> float:
+    def _radicand(self, lateral_mm: float) -> float:
         return 1.0 - (1.0 + self.conic_constant) * (self.curvature_per_mm * lateral_mm) ** 2
 
     def _tangent(self, lateral: float, depth: float) -> Point:
-        """Return the direction (r, w) of increasing r: 1 − (1 + K) c w, which is 0 at the widest point, and c r."""
+        """Return a vector (r, w) towards increasing r: 1 − (1 + K) c w, which is 0 at the widest point, and c r."""
         c = self.curvature_per_mm
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 
     def _holds(self, lateral: float, depth: float) -> bool:
         """Return whether a point of the full conic is on this part: on the vertex's side and not beyond either end."""
         low, high = sorted((self.from_mm, self.to_mm))
-        on_sheet = self._tangent(lateral, depth)[0] > SHEET
+        on_vertex_side = self._tangent(lateral, depth)[0] > MIN_ON_VERTEX_SIDE
         past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))
-        return on_sheet and past <= END_TOLERANCE_MM
+        return on_vertex_side and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """Return the distance of a point beyond an end, along the tangent there: near the widest point r is useless.
+        """Return the distance of a point beyond an end, along the tangent there.
 
-        From the vertex the curve turns by less than 90 degrees in either direction, so this distance increases
-        monotonically.
+        Near the widest point, r hardly changes along the curve. From the vertex the curve turns by less than 90 degrees
+        in either direction, so this distance increases monotonically. ``outwards`` is the sign of increasing distance.
         """
         if lateral * end_mm < 0.0:
             return outwards * (lateral - end_mm)

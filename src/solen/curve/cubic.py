@@ -3,10 +3,10 @@
 For a ray, only two cubics in the parameter matter: the distance of the curve's points from the ray's line, and their
 position along it. Both are stored as a value at v = 0 and three *rises*, the components of the piece's three *steps*
 (from each control point to the next). Differences of rises are independent of the large absolute coordinates, so if the
-value at v = 0 is known to be 0, the root there is divided out exactly and the next one is accurate to all digits.
+value at v = 0 is known to be 0, the root there is divided out exactly and the other is accurate to all digits.
 
-A *simple* piece has no inflection and turns by less than `MAX_TURN_DEG`. All its tangents are within a cone, so its
-speed is nowhere 0, a line is parallel to it at most once, and the distance from a line has at most two roots.
+A *simple* piece has no inflection and turns by less than `MAX_TURN_DEG`. All its tangents are within this angle, so its
+speed is nowhere 0, it is parallel to a line at one point at most, and its distance from a line has at most two roots.
 """
 
 import math
@@ -29,11 +29,13 @@ MAX_TURN_DEG = 60.0
 MAX_PIECES = 100
 """Maximum number of simple pieces: far more than a cubic has unless it is nearly a cusp."""
 MAX_STEPS = 200
-"""Maximum number of steps: far more than bisection needs to find a root that is not next to 0 to the last digit."""
+"""Maximum number of steps of `solve`: far more than bisection needs, unless the root is next to 0."""
 CLEAR_TURN_DEG = 170.0
-"""Largest turn for which the bisector of two tangents is a tangent between them."""
+"""Largest turn of a piece for which the bisector of its end tangents is certainly a tangent between its ends."""
 MIN_FRACTION = 1e-6
-"""Fraction of a piece below which no part is cut off: its bend would be a corner, and its inflection insignificant."""
+"""Smallest part of a piece that is cut off: a bend within less is a corner, and an inflection nearer to an end is
+insignificant.
+"""
 
 
 class Piece(NamedTuple):
@@ -47,9 +49,9 @@ class Piece(NamedTuple):
 def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
     """Split a cubic into simple pieces that share their ends exactly, in order; ``u_from`` and ``u_to`` are in [0, 1].
 
-    It is cut at its inflections, and then at half of its turn until every piece turns by less than 60 degrees. Raise
-    `DesignError`, about ``what``, if this does not end: the cubic then has no length, a cusp, or a handle that
-    coincides with its end.
+    The cubic is cut at its inflections, and then at half of its turn until every piece turns by less than 60 degrees.
+    Raise `DesignError`, with its name ``what``, if this does not end: the cubic then has no length, a cusp, or a handle
+    that coincides with its end.
     """
     waiting = _between_inflections(control)[::-1]
     pieces: list[Piece] = []
@@ -60,10 +62,9 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
         elif piece.u_to - piece.u_from < MIN_FRACTION or len(pieces) + len(waiting) > MAX_PIECES:
             x, z = piece.control[0]
             raise DesignError(
-                what,
-                value=f"stops or reverses near x = {x:.6g}, z = {z:.6g} mm",
-                limit="must not stop and must change direction smoothly",
-                remedy="move its handles away from its ends and from each other, or split it into two segments",
+                f"{what} near x = {x:.6g} mm, z = {z:.6g} mm",
+                limit="must not have zero length, a cusp, or a handle that coincides with its end",
+                remedy="move the handles away from the ends and from each other, or split the cubic into two",
             )
         else:
             waiting += reversed(halves(piece))
@@ -71,24 +72,24 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
 
 
 def _between_inflections(control: Control) -> list[Piece]:
-    rest, done = control, 0.0
-    between_inflections = []
+    rest, u_from = control, 0.0
+    pieces = []
     for u in inflections(control):
-        first, rest = cut(rest, (u - done) / (1.0 - done))
-        between_inflections.append(Piece(first, done, u))
-        done = u
-    return [*between_inflections, Piece(rest, done, 1.0)]
+        first, rest = cut(rest, (u - u_from) / (1.0 - u_from))
+        pieces.append(Piece(first, u_from, u))
+        u_from = u
+    return [*pieces, Piece(rest, u_from, 1.0)]
 
 
 def halves(piece: Piece) -> tuple[Piece, Piece]:
-    """Split the piece at half of its turn, or at the midpoint if that is unclear or near an end; return both parts."""
+    """Return both parts of a piece, split at half of its turn, or at v = 0.5 if that is unclear or near an end."""
     d0, d1, d2 = steps_of(piece.control)
     v = 0.5
     if 0.0 < turn_deg((d0, d1, d2)) < CLEAR_TURN_DEG:
         first, last = unit(d0), unit(d2)
-        between = (first[0] + last[0], first[1] + last[1])
-        rises = (cross(between, d0), cross(between, d1), cross(between, d2))
-        v = parallel_to_line(rises)
+        bisector = (first[0] + last[0], first[1] + last[1])
+        rises = (cross(bisector, d0), cross(bisector, d1), cross(bisector, d2))
+        v = extremum_of(rises)
         v = v if MIN_FRACTION < v < 1.0 - MIN_FRACTION else 0.5
     left, right = cut(piece.control, v)
     middle = piece.u_from + v * (piece.u_to - piece.u_from)
@@ -102,7 +103,10 @@ def steps_of(control: Control) -> Steps:
 
 
 def turn_deg(steps: Steps) -> float:
-    """Return the total turn of the control polygon, an upper bound for the piece; infinite if it stops at an end."""
+    """Return the total turn of the control polygon, an upper bound for that of the piece.
+
+    It is infinite if a handle coincides with its end.
+    """
     if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
         return math.inf
     moving = [unit(step) for step in steps if step != (0.0, 0.0)]
@@ -112,12 +116,12 @@ def turn_deg(steps: Steps) -> float:
 def inflections(control: Control) -> list[float]:
     """Return the parameters inside (0, 1) at which the curvature changes sign: P' × P'' = 0, which is quadratic."""
     d0, d1, d2 = steps_of(control)
-    first, both, last = cross(d0, d1), cross(d0, d2), cross(d1, d2)
+    d01, d02, d12 = cross(d0, d1), cross(d0, d2), cross(d1, d2)
     longest = max(dot(d, d) for d in (d0, d1, d2))
-    if max(abs(first), abs(both), abs(last)) <= ROUNDING * longest:
+    if max(abs(d01), abs(d02), abs(d12)) <= ROUNDING * longest:
         return []  # straight
     values: list[float] = []
-    for v in sorted(quadratic_roots(first + last - both, both - 2.0 * first, first, leaving=False)):
+    for v in sorted(quadratic_roots(d01 + d12 - d02, d02 - 2.0 * d01, d01, leaving=False)):
         if (values[-1] if values else 0.0) + MIN_FRACTION < v < 1.0 - MIN_FRACTION:
             values.append(v)
     return values
@@ -145,8 +149,8 @@ def tangent_at(control: Control, v: float) -> Point:
     """Return the unit tangent at v."""
     d0, d1, d2 = steps_of(control)
     w = 1.0 - v
-    first, both, last = w * w, 2.0 * w * v, v * v
-    return unit((first * d0[0] + both * d1[0] + last * d2[0], first * d0[1] + both * d1[1] + last * d2[1]))
+    w0, w1, w2 = w * w, 2.0 * w * v, v * v
+    return unit((w0 * d0[0] + w1 * d1[0] + w2 * d2[0], w0 * d0[1] + w1 * d1[1] + w2 * d2[1]))
 
 
 def backwards(control: Control) -> Control:
@@ -155,65 +159,65 @@ def backwards(control: Control) -> Control:
     return (d, c, b, a)
 
 
-def steps_after(steps: Steps, done: float, left: float) -> Steps:
-    """Return the steps of the part after v = ``done``; ``left`` is 1 − v, a separate argument to keep its digits."""
+def steps_after(steps: Steps, v: float, w: float) -> Steps:
+    """Return the steps of the part after v; ``w`` is 1 − v, a separate argument to keep its digits."""
     d0, d1, d2 = steps
-    d01 = (left * d0[0] + done * d1[0], left * d0[1] + done * d1[1])
-    d12 = (left * d1[0] + done * d2[0], left * d1[1] + done * d2[1])
-    here = (left * d01[0] + done * d12[0], left * d01[1] + done * d12[1])
-    return ((left * here[0], left * here[1]), (left * d12[0], left * d12[1]), (left * d2[0], left * d2[1]))
+    d01 = (w * d0[0] + v * d1[0], w * d0[1] + v * d1[1])
+    d12 = (w * d1[0] + v * d2[0], w * d1[1] + v * d2[1])
+    d012 = (w * d01[0] + v * d12[0], w * d01[1] + v * d12[1])
+    return ((w * d012[0], w * d012[1]), (w * d12[0], w * d12[1]), (w * d2[0], w * d2[1]))
 
 
-def risen(rises: Rises, v: float) -> float:
+def rise(rises: Rises, v: float) -> float:
     """Return the sum of the rises up to v: a cubic that is 0 at 0, and their total at 1."""
-    return v * risen_per_v(rises, v)
+    return v * rise_per_v(rises, v)
 
 
-def risen_per_v(rises: Rises, v: float) -> float:
-    """Return the cubic divided by v: a quadratic."""
+def rise_per_v(rises: Rises, v: float) -> float:
+    """Return `rise` divided by v: a quadratic."""
     g0, g1, g2 = rises
     w = 1.0 - v
     return 3.0 * w * (w * g0 + v * (g0 + g1)) + v * v * (g0 + g1 + g2)
 
 
 def slope(rises: Rises, v: float) -> float:
-    """Return the derivative of the cubic."""
+    """Return the derivative of `rise`."""
     g0, g1, g2 = rises
     w = 1.0 - v
     return 3.0 * (w * w * g0 + 2.0 * w * v * g1 + v * v * g2)
 
 
-def parallel_to_line(rises: Rises) -> float:
-    """Return the parameter at which the cubic has its extremum, if its first and last rise have different signs."""
+def extremum_of(rises: Rises) -> float:
+    """Return the parameter at which `rise` has its extremum, if its first and last rise have different signs."""
     g0, g1, g2 = rises
     return solve(lambda v: slope(rises, v), lambda v: 6.0 * ((1.0 - v) * (g1 - g0) + v * (g2 - g1)), growing=g2 > 0.0)
 
 
 def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> list[float]:
-    """Return the roots in [0, 1] of start + risen(v) for a simple piece, in order.
+    """Return the roots in [0, 1] of start + rise(v) for a simple piece, in order.
 
     ``left_first`` and ``left_last`` indicate whether its ends are on the left of the line. Two pieces that share an end
-    have the same side there, so they can neither both contain a root nor both miss it.
+    use the same side there, so they neither both find a root at the end nor both miss it.
     """
-    stops = [(0.0, left_first), (1.0, left_last)]
+    bounds = [(0.0, left_first), (1.0, left_last)]
     if (rises[0] > 0.0) != (rises[2] > 0.0):
-        extremum = parallel_to_line(rises)
-        stops.insert(1, (extremum, start + risen(rises, extremum) > 0.0))
+        extremum = extremum_of(rises)
+        bounds.insert(1, (extremum, start + rise(rises, extremum) > 0.0))
     return [
-        solve(lambda v: start + risen(rises, v), lambda v: slope(rises, v), low, high, growing=right)
-        for (low, left), (high, right) in pairwise(stops)
-        if left != right
+        solve(lambda v: start + rise(rises, v), lambda v: slope(rises, v), low, high, growing=left_high)
+        for (low, left_low), (high, left_high) in pairwise(bounds)
+        if left_low != left_high
     ]
 
 
 def other_crossing(rises: Rises, left_last: bool) -> list[float]:
-    """Return the root of risen(v) in (0, 1] of a simple piece other than v = 0, as a list that may be empty."""
+    """Return the root of rise(v) in (0, 1] of a simple piece other than v = 0, as a list that may be empty."""
     g0, g1, g2 = rises
     left_first = g0 > 0.0
     if g0 == 0.0 or left_first == left_last:
         return []
     square, linear = g0 - 2.0 * g1 + g2, 3.0 * (g1 - g0)
-    return [solve(lambda v: risen_per_v(rises, v), lambda v: 2.0 * square * v + linear, growing=left_last)]
+    return [solve(lambda v: rise_per_v(rises, v), lambda v: 2.0 * square * v + linear, growing=left_last)]
 
 
 def solve(
@@ -226,9 +230,9 @@ def solve(
 ) -> float:
     """Return the root between two bounds to the last digit, by Newton's method safeguarded by bisection.
 
-    ``growing`` gives the sign of the value at the upper bound; the bounds themselves are never evaluated.
+    ``growing`` indicates that the value is positive at the upper bound; it is never evaluated at the bounds themselves.
     """
-    v, before = 0.5 * (low + high), high - low
+    v, previous_step = 0.5 * (low + high), high - low
     for _ in range(MAX_STEPS):
         error = value(v)
         if error == 0.0:
@@ -237,14 +241,14 @@ def solve(
             high = v
         else:
             low = v
-        slant = slope_of(v)
-        step = -error / slant if slant != 0.0 else math.inf
+        gradient = slope_of(v)
+        step = -error / gradient if gradient != 0.0 else math.inf
         if abs(step) <= ROUNDING * v:
             return v
-        if not (low < v + step < high and abs(step) < 0.5 * before):
+        if not (low < v + step < high and abs(step) < 0.5 * previous_step):
             step = 0.5 * (low + high) - v
             if v + step in (low, high):
                 return v
-        before = abs(step)
+        previous_step = abs(step)
         v += step
     return v

@@ -21,8 +21,9 @@ class CartesianOval(Curve):
     angles at F1 counter-clockwise from the axis. For a fixed angle the equation is quadratic in the distance from F1,
     and its smaller root is the front; the other root, the back of the oval near the far focus, is never used.
 
-    Along any straight line the left side is a convex function (a sum of distances) and the inside is a convex region: a
-    ray meets it at most twice, and Newton's method started outside converges to the nearer root without overshoot.
+    The left-hand side of the equation, a sum of distances, is a convex function along any straight line, and the inside
+    of the oval is a convex region. A ray therefore meets it at most twice, and Newton's method started outside
+    converges to the nearer root without overshoot.
     """
 
     vertex: Point
@@ -39,12 +40,14 @@ class CartesianOval(Curve):
         check_axis("oval axis", self.axis)
         check_numbers("oval", self.n1, self.n2, self.object_mm, self.image_mm, self.from_deg, self.to_deg)
         if not (self.n2 > self.n1 > 0.0 and self.object_mm > 0.0 and self.image_mm > 0.0):
-            found = f"n1 {self.n1}, n2 {self.n2}, object_mm {self.object_mm}, image_mm {self.image_mm}"
-            raise DesignError("oval", value=found, limit="requires n2 above n1 and both distances above 0")
+            values = (self.n1, self.n2, self.object_mm, self.image_mm)
+            limit = "must satisfy 0 < n1 < n2, and both distances must be above 0"
+            raise DesignError("oval (n1, n2, object_mm, image_mm)", value=values, limit=limit)
         if self.from_deg == self.to_deg or np.isnan(self.points(np.array([0.0, 1.0]))).any():
-            found = f"from {self.from_deg} to {self.to_deg} deg"
             raise DesignError(
-                "oval", value=found, limit="must have a length above 0 and end before its tangents from the object"
+                "oval (from_deg, to_deg)",
+                value=(self.from_deg, self.to_deg),
+                limit="must differ and be between the oval's tangents from the object focus",
             )
 
     @property
@@ -54,12 +57,12 @@ class CartesianOval(Curve):
 
     @property
     def object_focus(self) -> Point:
-        """F1."""
+        """The focus F1."""
         return along(self.vertex, self.axis, -self.object_mm)
 
     @property
     def image_focus(self) -> Point:
-        """F2."""
+        """The focus F2."""
         return along(self.vertex, self.axis, self.image_mm)
 
     @property
@@ -127,7 +130,7 @@ class CartesianOval(Curve):
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:
-        """Return the left side of the oval's equation minus its right side: 0 on the curve, negative inside.
+        """Return the left-hand side of the oval's equation minus its right-hand side: 0 on it, negative inside.
 
         |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a
         distant focus.
@@ -154,15 +157,15 @@ class CartesianOval(Curve):
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Return the intersections of a line with the full oval, or only the far one if the ray starts on it."""
+        """Yield the intersections of a line with the full oval, or only the far one if the ray starts on it."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
-        middle, nearest = -dot(from_focus, direction), cross(from_focus, direction)
-        if abs(nearest) >= circle_mm or (leaving and self._slope(origin, direction) >= 0.0):
+        middle, offset = -dot(from_focus, direction), cross(from_focus, direction)
+        if abs(offset) >= circle_mm or (leaving and self._slope(origin, direction) >= 0.0):
             return
-        reach = math.sqrt(circle_mm**2 - nearest**2)
+        half_chord = math.sqrt(circle_mm**2 - offset**2)
         for outwards in (1.0,) if leaving else (-1.0, 1.0):
-            root = self._newton(origin, direction, middle + outwards * reach, outwards)
+            root = self._newton(origin, direction, middle + outwards * half_chord, outwards)
             if root is not None:
                 yield root
 
@@ -173,7 +176,7 @@ class CartesianOval(Curve):
             p = along(origin, direction, t)
             value, slope = self.residual_mm(p), self._slope(p, direction)
             if slope * outwards <= 0.0:
-                return None  # past the lowest point without a root: the line misses the oval
+                return None  # past the minimum without a root: the line misses the oval
             t -= value / slope
             lengths = abs(t) + math.dist(p, self.vertex)
             if value <= ROUNDING * lengths * (self.n1 + self.n2) or abs(value) <= ROUNDING * abs(t * slope):

@@ -21,7 +21,7 @@ class Segment(Curve):
     def __post_init__(self) -> None:
         check_points("segment", self.a, self.b)
         if self.a == self.b:
-            raise DesignError("segment", value=f"from {self.a} to itself", limit="must have a length above 0")
+            raise DesignError("segment a and b", value=self.a, limit="must differ")
 
     @property
     def start(self) -> Point:
@@ -40,7 +40,7 @@ class Segment(Curve):
 
     @property
     def length_mm(self) -> float:
-        """Length."""
+        """Length of the segment."""
         return math.dist(self.a, self.b)
 
     def points(self, u: FloatArray) -> FloatArray:
@@ -66,14 +66,14 @@ class Segment(Curve):
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """See :meth:`Curve.hits`."""
-        along_it = unit(minus(self.b, self.a))
-        slant = cross(direction, along_it)
+        tangent = unit(minus(self.b, self.a))
+        slant = cross(direction, tangent)
         if leaving or slant == 0.0:
             return ()
         to_start = minus(self.a, origin)
-        distance = cross(to_start, along_it) / slant
-        place = cross(to_start, direction) / slant
-        inside = -END_TOLERANCE_MM <= place <= self.length_mm + END_TOLERANCE_MM
+        distance = cross(to_start, tangent) / slant
+        position = cross(to_start, direction) / slant
+        inside = -END_TOLERANCE_MM <= position <= self.length_mm + END_TOLERANCE_MM
         return (distance,) if distance > 0.0 and inside else ()
 
     def moved(self, motion: Rigid) -> "Segment":

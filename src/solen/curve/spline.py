@@ -1,4 +1,4 @@
-"""Free-form curves: one cubic Bézier piece, and the smooth curve through specified points."""
+"""Free-form curves: one cubic Bézier piece, and chains of them, such as the smooth curve through given points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,14 +28,14 @@ class Bezier(CubicChain):
 
     def __post_init__(self) -> None:
         check_points("bezier", *self.controls[0])
-        _ = self.pieces  # raises if the spline cannot be split
+        _ = self.pieces  # raises DesignError if a cubic cannot be split
 
     @property
     def controls(self) -> tuple[Control, ...]:
         """See :attr:`CubicChain.controls`."""
         return ((self.a, self.control_a, self.control_b, self.b),)
 
-    def name_of(self, number: int) -> str:  # noqa: ARG002  there is only one
+    def name_of(self, index: int) -> str:  # noqa: ARG002  there is only one cubic
         """See :meth:`CubicChain.name_of`."""
         return "bezier"
 
@@ -72,9 +72,9 @@ class Spline(CubicChain):
                 "spline control_points",
                 value=count,
                 limit="must be 3 N + 1 points: a start, then two handles and an end for each of N segments",
-                remedy="use Spline.through for a spline through specified points",
+                remedy="use Spline.through for a spline through given points",
             )
-        _ = self.pieces  # raises if the spline cannot be split
+        _ = self.pieces  # raises DesignError if a cubic cannot be split
 
     @classmethod
     def through(cls, points: ArrayLike, *, closed: bool = False) -> "Spline":
@@ -84,25 +84,25 @@ class Spline(CubicChain):
         the first, as smooth there as elsewhere. Raise `DesignError` if two neighbouring points coincide, or if there
         are fewer than 2 points, or 3 for a closed outline.
         """
-        given = _checked(points, closed)
-        following = np.roll(given, -1, axis=0) if closed else given[1:]
-        here = given if closed else given[:-1]
-        chord = following - here
+        knots = _point_array(points, closed)
+        starts = knots if closed else knots[:-1]
+        ends = np.roll(knots, -1, axis=0) if closed else knots[1:]
+        chord = ends - starts
         length = np.hypot(*chord.T)
         if not np.all(length > 0.0):
             i = int(np.argmin(length))
             raise DesignError(
                 "spline points",
-                value=f"{tuple(map(float, here[i]))} twice in a row",
-                limit="neighbours must differ",
+                value=tuple(map(float, starts[i])),
+                limit="must differ from its neighbour",
                 remedy="omit one of them; a closed outline does not repeat its first point",
             )
         tangent = _tangents(chord, length, closed)
-        arriving = np.roll(tangent, -1, axis=0) if closed else tangent[1:]
+        start_tangent = tangent if closed else tangent[:-1]
+        end_tangent = np.roll(tangent, -1, axis=0) if closed else tangent[1:]
         third = length[:, None] / 3.0
-        leaving = tangent if closed else tangent[:-1]
-        pieces = np.stack([here + third * leaving, following - third * arriving, following], axis=1).reshape(-1, 2)
-        return cls(tuple((float(x), float(z)) for x, z in (given[0], *pieces)))
+        pieces = np.stack([starts + third * start_tangent, ends - third * end_tangent, ends], axis=1).reshape(-1, 2)
+        return cls(tuple((float(x), float(z)) for x, z in (knots[0], *pieces)))
 
     @classmethod
     def chained(cls, curves: Sequence[CubicChain]) -> "Spline":
@@ -120,12 +120,12 @@ class Spline(CubicChain):
         p = self.control_points
         return tuple((p[i], p[i + 1], p[i + 2], p[i + 3]) for i in range(0, len(p) - 1, 3))
 
-    def name_of(self, number: int) -> str:
+    def name_of(self, index: int) -> str:
         """See :meth:`CubicChain.name_of`."""
-        return f"spline control_points[{3 * number}:{3 * number + 4}]"
+        return f"spline control_points[{3 * index}:{3 * index + 4}]"
 
     def part(self, u_from: float, u_to: float) -> "Spline":
-        """See :meth:`Curve.part`; its pieces, including the cut ones, have equal shares of its own parameter range."""
+        """See :meth:`Curve.part`; each of its cubics, cut or not, spans an equal part of its parameter range."""
         return Spline.of(self.parts(u_from, u_to))
 
     def moved(self, motion: Rigid) -> "Spline":
@@ -137,38 +137,37 @@ class Spline(CubicChain):
         return Spline(self.control_points[::-1])
 
 
-def _checked(points: ArrayLike, closed: bool) -> FloatArray:
-    """Check the points and return them as an array (N, 2) of finite numbers."""
+def _point_array(points: ArrayLike, closed: bool) -> FloatArray:
+    """Return the points as an array (N, 2); raise `DesignError` if they are too few or not finite numbers."""
     try:
-        given = np.array(points, dtype=float)
+        array = np.array(points, dtype=float)
     except (TypeError, ValueError):
-        given = np.empty(0)
-    if given.ndim != 2 or given.shape[1] != 2 or not np.all(np.isfinite(given)):
+        array = np.empty(0)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.all(np.isfinite(array)):
         raise DesignError("spline points", limit="must be a list of pairs (x, z) of finite numbers")
-    least = 3 if closed else 2
-    if len(given) < least:
-        raise DesignError("spline points", value=len(given), limit=f"must be at least {least} points")
-    return given
+    min_count = 3 if closed else 2
+    if len(array) < min_count:
+        raise DesignError("spline points", value=len(array), limit=f"must be at least {min_count} points")
+    return array
 
 
 def _tangents(chord: FloatArray, length: FloatArray, closed: bool) -> FloatArray:
     """Return derivatives (N, 2) with respect to the chord length for which the spline's curvature is continuous.
 
-    With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ = 3 (h₂ s₁ +
-    h₁ s₂); here divided by h₁ + h₂. At a free end 2 t + t₊ = 3 s.
+    At a point between chords of lengths h₁ and h₂ and slopes s₁ and s₂, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ = 3 (h₂ s₁ +
+    h₁ s₂), where t₋ and t₊ are the derivatives at its neighbours; here divided by h₁ + h₂. At a free end 2 t + t₊ =
+    3 s.
     """
     slope = chord / length[:, None]
-    before, mean = (np.roll(length, 1), np.roll(slope, 1, axis=0)) if closed else (length[:-1], slope[:-1])
-    behind, ahead = (length, slope) if closed else (length[1:], slope[1:])
-    share = behind / (before + behind)
-    right = 3.0 * (share[:, None] * mean + (1.0 - share)[:, None] * ahead)
+    h1, s1 = (np.roll(length, 1), np.roll(slope, 1, axis=0)) if closed else (length[:-1], slope[:-1])
+    h2, s2 = (length, slope) if closed else (length[1:], slope[1:])
+    below = h2 / (h1 + h2)
+    above = 1.0 - below
+    right = 3.0 * (below[:, None] * s1 + above[:, None] * s2)
     if closed:
-        return _cyclic(share, 1.0 - share, right)
-    end = np.ones(1)
+        return _cyclic(below, above, right)
     right = np.vstack([3.0 * slope[:1], right, 3.0 * slope[-1:]])
-    return _tridiagonal(
-        np.concatenate([share, end]), np.concatenate([end, 1.0 - share]), np.full(len(right), 2.0), right
-    )
+    return _tridiagonal(np.append(below, 1.0), np.append(1.0, above), np.full(len(right), 2.0), right)
 
 
 def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, right: FloatArray) -> FloatArray:
@@ -187,7 +186,7 @@ def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, rig
 def _cyclic(below: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a cyclic tridiagonal system with 2 on the diagonal, by the Sherman-Morrison formula.
 
-    Its two corner elements are a matrix of rank one, u vᵀ, added to a tridiagonal matrix.
+    The matrix is a tridiagonal one plus u vᵀ, a matrix of rank one that supplies the two corner elements.
     """
     corner_up, corner_down = below[0], above[-1]
     diagonal = np.full(len(right), 2.0)

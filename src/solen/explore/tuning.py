@@ -402,7 +402,7 @@ class _Tuning:
         assert isinstance(designed, DesignedLens)  # noqa: S101  ensured by check_tunable
         try:
             measured = measured_lens(designed, self.inspection.profile())
-            before = [measured, *(measured.drawn_within(number) for number in range(1, DRAWS + 1))]
+            before = [measured, *(measured.with_outline(number) for number in range(1, DRAWS + 1))]
             deviations = [prints.mean(axis=0), *prints[:DRAWS]]
             after = [measured_lens(designed, self._profile(deviation_um, 0.0)) for deviation_um in deviations]
             return responses(self.sensor, before, after, progress), []

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from numpy.polynomial import polynomial
 
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.geometry import Body
 from solen.geometry.body import Face
 from solen.geometry.network import drawn_lenses, network_lenses, plan_of
@@ -73,7 +73,7 @@ def _receivers(design: Design, body: Body) -> Iterator[_Row]:
         position = f", at node {receiver.node}" if receiver.node else ""
         if receiver.guide:
             position = f", {receiver.side} side of {receiver.guide} from {receiver.from_mm:.4g} mm"
-        size = f"{Measure(curve).length_mm:.4g} mm long{position}"
+        size = f"{ArcLength(curve).length_mm:.4g} mm long{position}"
         yield "receiver", receiver.name, size, _next_to(body, f"receiver-{receiver.name}", inside=False)
 
 

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Curve, Function, Measure, Parabola, Segment, Spline, carried
+from solen.curve import Arc, ArcLength, Curve, Function, Parabola, Segment, Spline, displaced_spline
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
 
@@ -70,7 +70,7 @@ class DrawnProfile:
         from scipy.interpolate import CubicSpline
 
         line = Spline.through(points)
-        measure = Measure(line)
+        measure = ArcLength(line)
         fraction = np.linspace(0.0, 1.0, PANELS + 1)
         u = np.array([measure.u_at((1.0 - s) * measure.length_mm) for s in fraction])
         x, z = line.velocities(u).T
@@ -130,7 +130,7 @@ class Bend:
         return np.column_stack([dx * cos - axial * sin, dx * sin + axial * cos])
 
     def carry(self, curve: Curve, _start: float, _end: float) -> tuple[Function, Function, tuple[float, float]]:
-        """Return the functions for the points and velocities of a bent curve, as `solen.curve.carried` requires."""
+        """Return the functions for the points and velocities of a bent curve, for `solen.curve.displaced_spline`."""
 
         def velocity(u: FloatArray) -> FloatArray:
             return self.velocities(curve.points(u), curve.velocities(u))
@@ -242,7 +242,7 @@ def _bent(curve: Curve, bend: Bend) -> Curve:
     arc = _arc(curve, bend)
     if arc is not None:
         return arc
-    return carried(curve, bend.carry, BEND_TOLERANCE_MM)
+    return displaced_spline(curve, bend.carry, BEND_TOLERANCE_MM)
 
 
 def _arc(curve: Curve, bend: Bend) -> Arc | None:

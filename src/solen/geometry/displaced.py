@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Curve, Function, Measure, Spline, carried
+from solen.curve import ArcLength, Curve, Function, Spline, displaced_spline
 from solen.errors import DesignError
 from solen.geometry.body import Body, Face, Front
 from solen.geometry.notches import ClosedNotch, close_notch
@@ -144,7 +144,7 @@ class DisplacedCurve:
     """The curve of a face with its displacement, as a spline over its length."""
 
     def __init__(self, curve: Curve, displacement: FaceDisplacement) -> None:
-        self.curve, self.measure = curve, Measure(curve)
+        self.curve, self.measure = curve, ArcLength(curve)
         self.u, self.displacement_mm = np.asarray(displacement.u), np.asarray(displacement.displacement_mm)
 
     @cached_property
@@ -191,7 +191,7 @@ class DisplacedCurve:
             knots = np.concatenate([[0.0], inside[(inside > END_MARGIN) & (inside < 1.0 - END_MARGIN)], [1.0]])
             return lambda u: piece.points(u) + spline(lengths(u)), velocity, knots
 
-        controls = carried(self.curve, carry, SPLINE_MM).controls
+        controls = displaced_spline(self.curve, carry, SPLINE_MM).controls
         starts = np.array([control[0] for control in controls])
         cut_points = self.curve.points(cuts) + spline(self.measure.lengths_at(cuts))
         joints = [int(np.argmin(np.hypot(*(starts - point).T))) for point in cut_points]

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Bezier, Curve, Measure, Segment, Spline
+from solen.curve import Arc, ArcLength, Bezier, Curve, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Face, point_text
 from solen.geometry.drawing import Stroke
@@ -94,7 +94,7 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
 
 def _is_negligible(curve: Curve, join_mm: float) -> bool:
     """Return whether a curve is so short that both its ends would form the same corner."""
-    return math.dist(curve.start, curve.end) <= join_mm and Measure(curve).length_mm <= 2.0 * join_mm
+    return math.dist(curve.start, curve.end) <= join_mm and ArcLength(curve).length_mm <= 2.0 * join_mm
 
 
 def _corners_of_ends(ends: FloatArray, join_mm: float) -> list[int]:
@@ -136,7 +136,7 @@ def _coincide(a: Curve, b: Curve, join_mm: float) -> bool:
 
 
 def _sampled(curve: Curve) -> FloatArray:
-    measure = Measure(curve)
+    measure = ArcLength(curve)
     return curve.points(np.array([measure.u_at(fraction * measure.length_mm) for fraction in SAMPLE_FRACTIONS]))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import CubicChain, Curve, Measure, Segment
+from solen.curve import ArcLength, CubicChain, Curve, Segment
 from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -21,7 +21,7 @@ def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
 
 def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
     """Return the length of outlines in mm."""
-    return sum(Measure(face.curve).length_mm for outline in outlines for face in outline)
+    return sum(ArcLength(face.curve).length_mm for outline in outlines for face in outline)
 
 
 def _enclosed_mm2(outline: Sequence[Face]) -> float:

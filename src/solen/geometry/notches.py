@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Curve, Measure, Spline
+from solen.curve import ArcLength, Curve, Spline
 from solen.geometry.body import area
 from solen.plane import Point
 
@@ -63,7 +63,7 @@ def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Sp
     overlap_mm = float(shapely.hausdorff_distance(shapely.LineString(first), shapely.LineString(second)))
     if area(np.vstack([first[::-1], second[1:]])) <= 0.0 or overlap_mm > MAX_DEPTH_MM:
         return None
-    u, v = _refined(before, after, Measure(before).length_mm - lengths[0], lengths[1])
+    u, v = _refined(before, after, ArcLength(before).length_mm - lengths[0], lengths[1])
     point = before.point_at(u)
     *cubics_before, last = before.part(0.0, u).controls
     first_cubic, *cubics_after = after.part(v, 1.0).controls
@@ -88,7 +88,7 @@ def _first_part(line: "shapely.LineString", length_mm: float) -> FloatArray:
 
 def _refined(before: Spline, after: Spline, before_mm: float, after_mm: float) -> tuple[float, float]:
     """Return the parameters at which two curves intersect, by Newton's method from lengths along the curves."""
-    parameters = np.array([Measure(before).u_at(before_mm), Measure(after).u_at(after_mm)])
+    parameters = np.array([ArcLength(before).u_at(before_mm), ArcLength(after).u_at(after_mm)])
     for _ in range(MAX_STEPS):
         difference = np.subtract(before.point_at(parameters[0]), after.point_at(parameters[1]))
         slopes = np.column_stack([before.velocity_at(parameters[0]), np.negative(after.velocity_at(parameters[1]))])

@@ -6,7 +6,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from itertools import pairwise
 
-from solen.curve import Measure, Segment
+from solen.curve import ArcLength, Segment
 from solen.errors import DesignError
 from solen.geometry.body import Face
 from solen.spec import Wall
@@ -79,7 +79,7 @@ def _check_table(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
     if not named:
         known = ", ".join(face.name for face in faces if face.part not in DARK)
         raise DesignError(f"wall[{number}].face", value=wall.face, limit=f"matches no wall; the walls are {known}")
-    longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
+    longest_mm = max(face.begins_mm + ArcLength(face.curve).length_mm for face in named)
     if wall.from_mm >= longest_mm - MIN_LENGTH_MM:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
@@ -96,7 +96,7 @@ def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
     tables = [(number, wall) for number, wall in enumerate(walls) if is_wall_of(face, wall)]
     if not tables:
         return [face]
-    measure = Measure(face.curve)
+    measure = ArcLength(face.curve)
     begins, ends = face.begins_mm, face.begins_mm + measure.length_mm
     limits = {length_mm for _, wall in tables for length_mm in (wall.from_mm, wall.to_mm) if length_mm is not None}
     cuts = [begins]

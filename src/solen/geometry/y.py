@@ -25,7 +25,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from solen.curve import Bezier, Curve, Measure, Parabola, Segment, check_numbers
+from solen.curve import ArcLength, Bezier, Curve, Parabola, Segment, check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import GAP_MM, Body, Face, Front, Pose
@@ -247,7 +247,7 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) 
     ]
     if gap_mm > GAP_MM:
         curves.insert(0, ("join", join.face(lens_edge, wall)))
-    removed_mm = Measure(replace(wall, from_mm=0.0, to_mm=wall.from_mm)).length_mm if wall.from_mm > 0.0 else 0.0
+    removed_mm = ArcLength(replace(wall, from_mm=0.0, to_mm=wall.from_mm)).length_mm if wall.from_mm > 0.0 else 0.0
     return tuple(
         Face(f"{part}-{name}", curve, begins_mm=removed_mm if part == "stem" else 0.0) for part, curve in curves
     )

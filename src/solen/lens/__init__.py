@@ -1,11 +1,11 @@
-"""Lenses: a Cartesian oval, a free form, a lens with a line focus in space, a measured lens, or a flat face."""
+"""Lenses: a Cartesian oval, a free form, a lens for skew rays, a measured lens, or a flat face."""
 
 from solen.lens.base import CurvedLens, Lens
 from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile
-from solen.lens.given_layers import GivenLayers, Profiles, layers_text, read_layers
 from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens, layer_count, layer_edges_mm
+from solen.lens.layers_file import LayeredLensFromFile, LayerProfiles, layers_text, read_layers
 from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, OvalLens, nearest_focus_mm, tangency
@@ -17,15 +17,15 @@ __all__ = [
     "DesignedLens",
     "FittedProfile",
     "FlatFace",
-    "GivenLayers",
+    "LayerProfiles",
     "LayeredLens",
+    "LayeredLensFromFile",
     "Lens",
     "LensInSpace",
     "LineFocusLens",
     "MeasuredLens",
     "MeasuredProfile",
     "OvalLens",
-    "Profiles",
     "SplineLens",
     "layer_count",
     "layer_edges_mm",

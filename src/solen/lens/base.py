@@ -1,7 +1,7 @@
 """The front of a sensor as an optical element.
 
 A :class:`Lens` is described in its own frame, with the vertex at the origin and the axis along +z. It is drawn from its
-left edge to its right edge, so the material is on its left; the emitter is ``distance_mm`` before the vertex. A
+left edge to its right edge, so the material is on its left; the emitter is ``distance_mm`` in front of the vertex. A
 :class:`CurvedLens` has a profile z(x), from which its smallest spot is computed; a :class:`DeviatingLens` is another
 lens plus a designed or measured deviation along z.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.curve import Curve, fitted
+from solen.curve import Curve, fitted_spline
 from solen.plane import Point, dot, unit
 from solen.results import Result, reported
 
@@ -26,6 +26,10 @@ value.
 """
 CURVE_TOLERANCE_MM = 1e-6
 """Maximum deviation of the traced curve from a deviating profile: 1 nm."""
+MAX_APPROACH = 0.9
+"""Largest distance by which a face may extend from the vertex towards the emitter, as a fraction of the emitter's
+distance.
+"""
 
 
 class LensSizes:
@@ -79,7 +83,7 @@ class CurvedSizes(LensSizes):
 
 @dataclass(frozen=True)
 class Spot:
-    """Smallest spot of the light accepted by a lens: its position and its rms width, in mm."""
+    """Smallest spot of the light accepted by a lens: its position and its RMS half width, in mm."""
 
     x_mm: float
     z_mm: float
@@ -105,7 +109,7 @@ class CurvedLens(CurvedSizes, Lens):
         return math.degrees(math.acos(dot(ray, unit((-slope, 1.0)))))
 
     def best_spot(self, index: float) -> Spot | None:
-        """Return the smallest spot of the emitter's light in a material of ``index``; None unless behind the vertex.
+        """Return the smallest spot of the emitter's light in a material of ``index``; None if not behind the vertex.
 
         Rays start from the emitter at `SPOT_RAYS` angles, uniformly spaced over the acceptance. A ray is x = a + t z,
         so the variance of x is smallest at z = −cov(a, t) / var(t).
@@ -126,14 +130,14 @@ class CurvedLens(CurvedSizes, Lens):
     def _rays(self, index: float) -> tuple[FloatArray, FloatArray]:
         """Return the refracted rays in the material, x = a + t z, except those blocked by another part of the face."""
         x = np.linspace(-self.half_width_mm, self.half_width_mm, 2 * SPOT_RAYS + 1)
-        seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
-        angle = seen[0] + (seen[-1] - seen[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
-        x = np.interp(angle, seen, x)
-        z, lean = self.z_mm(x), np.arctan(self.slope(x))
-        sine = self.outside_index / index * np.sin(np.arctan2(x, z + self.distance_mm) + lean)
-        bent = np.abs(sine) < 1.0
-        t = np.tan(np.arcsin(sine[bent]) - lean[bent])
-        return x[bent] - t * z[bent], t
+        visible = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
+        angle = visible[0] + (visible[-1] - visible[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
+        x = np.interp(angle, visible, x)
+        z, tilt = self.z_mm(x), np.arctan(self.slope(x))
+        sine = self.outside_index / index * np.sin(np.arctan2(x, z + self.distance_mm) + tilt)
+        refracted = np.abs(sine) < 1.0
+        t = np.tan(np.arcsin(sine[refracted]) - tilt[refracted])
+        return x[refracted] - t * z[refracted], t
 
 
 class DeviatingLens(CurvedLens):
@@ -146,7 +150,7 @@ class DeviatingLens(CurvedLens):
 
     @abstractmethod
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """Return the deviation (N,) along z at lateral positions within the half width, mm; < 0 adds material."""
+        """Return the deviation (N,) along z in mm at lateral positions within the half width; < 0 adds material."""
 
     @abstractmethod
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
@@ -176,17 +180,17 @@ class DeviatingLens(CurvedLens):
     def front(self) -> Curve:
         """See :attr:`Lens.front`: a spline within `curve_within_mm` of the profile."""
 
-        def place(x: FloatArray) -> FloatArray:
+        def position(x: FloatArray) -> FloatArray:
             return np.column_stack([x, self.z_mm(x)])
 
         def velocity(x: FloatArray) -> FloatArray:
             return np.column_stack([np.ones_like(x), self.slope(x)])
 
-        return fitted(place, velocity, self.curve_within_mm, self.breaks_mm)
+        return fitted_spline(position, velocity, self.curve_within_mm, self.breaks_mm)
 
     @property
     def breaks_mm(self) -> tuple[float, ...]:
-        """Lateral positions, ascending, at which the pieces of the front's curve must end."""
+        """Lateral positions at which the pieces of the front's curve must end, in ascending order."""
         half_mm = self.half_width_mm
         return (-half_mm, -0.5 * half_mm, 0.0, 0.5 * half_mm, half_mm)
 

@@ -9,9 +9,9 @@ from typing import TypeVar, cast
 from solen.errors import DataError, DesignError
 from solen.lens.base import Lens
 from solen.lens.fitted_profile import FittedProfile
-from solen.lens.given_layers import GivenLayers, read_layers
 from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens
+from solen.lens.layers_file import LayeredLensFromFile, read_layers
 from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, OvalLens
@@ -38,8 +38,8 @@ def lens_of(design: Design, index: float) -> Lens:
         raise DesignError(
             "the material's index",
             value=index,
-            limit="must be above 1, the index of air",
-            remedy="otherwise the lens cannot focus",
+            limit="must be above 1, the index of air, for the lens to focus",
+            remedy="specify another material, or lens.design_index",
         )
     if spec.in_space:
         return _in_space(design, spec.design_index or index)
@@ -56,16 +56,16 @@ def _spline(oval: OvalLens, knots_um: tuple[float, ...], min_feature_um: float |
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:
-    """Return a lens that is not a cylinder."""
+    """Return a lens that varies with height."""
     spec, thickness_mm = design.lens, design.body.thickness_mm
-    cut = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
+    oval = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
     if spec.shape == "layered" and design.profile_file is not None:
-        given = _of_file(design.profile_file, read_layers)
-        layer_mm = thickness_mm / len(given.z_mm)
-        return GivenLayers(*cut, thickness_mm=thickness_mm, layer_mm=layer_mm, given=given)
+        profiles = _of_file(design.profile_file, read_layers)
+        layer_mm = thickness_mm / len(profiles.z_mm)
+        return LayeredLensFromFile(*oval, thickness_mm=thickness_mm, layer_mm=layer_mm, file=profiles)
     if spec.shape == "layered":
-        return _layered(*cut, thickness_mm, DEFAULT_LAYER_MM if spec.layer_mm is None else spec.layer_mm)
-    return _line_focus(*cut, thickness_mm, "body" if spec.y_focus_mm is None else spec.y_focus_mm)
+        return _layered(*oval, thickness_mm, DEFAULT_LAYER_MM if spec.layer_mm is None else spec.layer_mm)
+    return _line_focus(*oval, thickness_mm, "body" if spec.y_focus_mm is None else spec.y_focus_mm)
 
 
 @lru_cache(maxsize=32)
@@ -79,13 +79,13 @@ def _line_focus(
 ) -> LineFocusLens:
     if isinstance(y_focus, str):
         collimated = LineFocusLens(distance, focus, half, index, thickness_mm=thickness)
-        return collimated if y_focus == "collimated" else LineFocusLens.keeping_light(collimated)
+        return collimated if y_focus == "collimated" else LineFocusLens.confining(collimated)
     return LineFocusLens(distance, focus, half, index, thickness_mm=thickness, y_focus_mm=y_focus)
 
 
 @lru_cache(maxsize=32)
 def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredLens:
-    """Return the lens of a measured profile and its designed lens; it is cached, because smoothing takes time.
+    """Return the measured lens of a profile and its designed lens; it is cached, because smoothing takes time.
 
     Raises
     ------
@@ -98,15 +98,16 @@ def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredL
 def _of_file(path: Path, read: Callable[[Path], T]) -> T:
     """Return the content of a profile file, which is read again only if the file changes."""
     try:
-        stamp = hashlib.sha256(path.read_bytes()).hexdigest()
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):
         return read(path)  # raises with the reason
-    return cast("T", _read(path, stamp, read))
+    return cast("T", _read(path, sha256, read))
 
 
 @lru_cache(maxsize=32)
-def _read(path: Path, stamp: str, read: Callable[[Path], object]) -> object:  # noqa: ARG001  the stamp tells files apart
+def _read(path: Path, sha256: str, read: Callable[[Path], object]) -> object:  # noqa: ARG001  part of the cache's key
     try:
         return read(path)
-    except DataError as bad:
-        raise DataError(f"lens.profile: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+    except DataError as error:
+        what = f"lens.profile: {error.what}"
+        raise DataError(what, value=error.value, limit=error.limit, remedy=error.remedy) from None

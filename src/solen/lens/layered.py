@@ -1,9 +1,9 @@
-"""The lens made of vertical layers: every printed layer has its own profile.
+"""The lens made of layers with vertical walls: every printed layer has its own profile.
 
 Vertical walls preserve β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law
 with √(n² − β²) in place of n. The emitter's ray that meets a layer at height y, at the projected distance r, has β = y
-/ √(r² + y²). A profile that directs all of these rays, in projection, to the focus has the normal √(1 − β²) u − √(n² −
-β²) v, with u the unit vector from the emitter and v the unit vector to the focus; so
+/ √(r² + y²). A profile that directs all these rays, in projection, to the focus has the normal √(1 − β²) u − √(n² − β²)
+v, with u the unit vector from the emitter and v the unit vector to the focus; so
 
     dz/dx = −(√(1 − β²) u_x − √(n² − β²) v_x) / (√(1 − β²) u_z − √(n² − β²) v_z),    z(0) = 0,
 
@@ -25,12 +25,12 @@ from solen.lens.in_space import LensInSpace
 from solen.ranks import note
 from solen.results import reported
 
-PLACES, STEPS = 257, 4
+SAMPLES, STEPS = 257, 4
 """Number of points of a profile from the axis to its edge, and of fourth-order Runge–Kutta steps between two of
 them.
 """
 MAX_LAYERS = 4000
-EXACT = 1e-6
+ROUNDING = 1e-6
 """Difference, as a fraction of a layer, that rounding may cause."""
 
 
@@ -40,8 +40,8 @@ class LayeredLens(LensInSpace, eq=True):
     Parameters
     ----------
     layer_mm
-        Height of a layer. Layers are counted from the face on the build plate, y = half the thickness. Their number is
-        the number that a printer makes of the body, and the last layer extends to the body's other face.
+        Height of a layer. Layers start from the face on the build plate, y = half the thickness. There are as many as a
+        printer makes of the body, and the last one extends to the body's other face.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -52,10 +52,7 @@ class LayeredLens(LensInSpace, eq=True):
         super().__post_init__()
         check_range("lens.layer_mm", self.layer_mm, above=0.0)
         if self.thickness_mm > MAX_LAYERS * self.layer_mm:
-            limit = (
-                f"must be at least {self.thickness_mm / MAX_LAYERS:g} mm, because at most "
-                f"{MAX_LAYERS} layers are supported"
-            )
+            limit = f"must be at least {self.thickness_mm / MAX_LAYERS:g} mm, which makes {MAX_LAYERS} layers"
             raise DesignError("lens.layer_mm", value=self.layer_mm, limit=limit)
         self._check_face()
 
@@ -64,7 +61,7 @@ class LayeredLens(LensInSpace, eq=True):
         """See :attr:`solen.lens.base.Lens.warnings`."""
         if self.layer_mm < self.half_height_mm:
             last_mm = float(self.edges_mm[1] - self.edges_mm[0])
-            if abs(last_mm - self.layer_mm) <= EXACT * self.layer_mm:
+            if abs(last_mm - self.layer_mm) <= ROUNDING * self.layer_mm:
                 return ()
             count = f"{self.layers - 1} layers of {self.layer_mm:g} mm and a last layer of {last_mm:.4g} mm"
             return (note(f"lens.layer_mm: a body of {self.thickness_mm:g} mm has {count}"),)
@@ -78,7 +75,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights y (L + 1,) of the boundaries between layers, including both faces of the body, ascending."""
+        """Heights y (L + 1,) of the boundaries of the layers in ascending order, including both faces of the body."""
         return layer_edges_mm(self.thickness_mm, self.layer_mm)
 
     @property
@@ -98,15 +95,15 @@ class LayeredLens(LensInSpace, eq=True):
 
     @reported
     def widest_ledge_um(self) -> float:
-        """Maximum step between one layer and the next, along z, micrometres."""
+        """Largest step between one layer and the next, along z, in micrometres."""
         return 1e3 * float(np.max(np.abs(np.diff(self.profiles[0], axis=0)), initial=0.0))
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
         """Depth z and dz/dx (L, M) of every layer at M uniform steps from axis to half width; NaN beyond tangency."""
-        heights, which = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
+        heights, index = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
         z, slope = _profiles(self, np.asarray(heights, dtype=float))
-        return z[which], slope[which]
+        return z[index], slope[index]
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the depth of the layer at that height."""
@@ -123,80 +120,80 @@ class LayeredLens(LensInSpace, eq=True):
         )
 
     def layer_at(self, y_mm: FloatArray) -> IntArray:
-        """Return the indices of the layers at given heights, counted by ascending y."""
+        """Return the indices of the layers at given heights, in ascending order of y."""
         return np.clip(np.searchsorted(self.edges_mm, y_mm, side="right") - 1, 0, self.layers - 1).astype(np.int64)
 
     def profile_mm(self, layer: IntArray | int, x_mm: FloatArray) -> FloatArray:
-        """Return the depth z of layers, given by index, at lateral positions; interpolation is exact to 1e-9 mm."""
+        """Return the depth z of layers, given by index, at lateral positions; it is interpolated to 1e-9 mm."""
         a, b, p, q, t = self._cell(layer, x_mm)
         return np.asarray(a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q))))
 
     def _cell(self, layer: IntArray | int, x_mm: FloatArray) -> tuple[FloatArray, ...]:
         """Return the data for cubic interpolation at each position.
 
-        These are the depths and the slopes, multiplied by the step, at both ends of the interval, and the fractional
-        position within it.
+        These are the depths at both ends of the interval, the slopes there multiplied by the width of the interval, and
+        the fractional position within it.
         """
         z, slope = self.profiles
         step = self.half_width_mm / (z.shape[1] - 1)
-        at = np.abs(x_mm) / step
-        cell = np.minimum(at.astype(int), z.shape[1] - 2)
+        position = np.abs(x_mm) / step
+        cell = np.minimum(position.astype(int), z.shape[1] - 2)
         ends = (z[layer, cell], z[layer, cell + 1], step * slope[layer, cell], step * slope[layer, cell + 1])
-        return *ends, np.asarray(at - cell)
+        return *ends, np.asarray(position - cell)
 
     @property
     def face(self) -> Face:
         """See :attr:`solen.lens.in_space.LensInSpace.face`."""
-        numbers = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
+        optics = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
         sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.nearest_mm, self.deepest_mm)
-        return Face(*numbers, *sizes, self.edges_mm, *self.profiles, *self._bounds)
+        return Face(*optics, *sizes, self.edges_mm, *self.profiles, *self._bounds)
 
     @property
     def _bounds(self) -> tuple[float, float, float, float, float]:
-        """Return bounds of a face from the control points of its cubics, whose extremes no cubic exceeds."""
+        """The last five fields of the face: bounds from the control points of its cubics."""
         (z, slope), width = self.profiles, self.half_width_mm / (self.profiles[0].shape[1] - 1)
         depths = np.stack(
             [z[:, :-1], z[:, :-1] + width / 3.0 * slope[:, :-1], z[:, 1:] - width / 3.0 * slope[:, 1:], z[:, 1:]]
         )
         slopes = 3.0 / width * np.diff(depths, axis=0)
-        fall, bend = (max(-float(one.min()), 0.0) for one in (slopes, 2.0 / width * np.diff(slopes, axis=0)))
+        fall, bend = (max(-float(bound.min()), 0.0) for bound in (slopes, 2.0 / width * np.diff(slopes, axis=0)))
         step = float(np.max(np.abs(np.diff(depths, axis=1)), initial=0.0))
         return bend, float(slopes.max()), fall, step, float(np.diff(self.edges_mm).max())
 
 
 def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
-    """Return heights y (L + 1,) of the boundaries between layers, ascending; the last layer ends at the face."""
-    borders = 0.5 * thickness_mm - layer_mm * np.arange(max(layer_count(thickness_mm, layer_mm), 1))
-    return np.append(-0.5 * thickness_mm, borders[::-1])
+    """Return heights y (L + 1,) of the boundaries of layers in ascending order; the last layer ends at the face."""
+    edges = 0.5 * thickness_mm - layer_mm * np.arange(max(layer_count(thickness_mm, layer_mm), 1))
+    return np.append(-0.5 * thickness_mm, edges[::-1])
 
 
 def layer_count(height_mm: float, layer_mm: float) -> int:
     """Return the number of layers that a printer makes of a height: those whose mid-height is within it."""
-    return math.ceil(height_mm / layer_mm + 0.5 - EXACT) - 1
+    return math.ceil(height_mm / layer_mm + 0.5 - ROUNDING) - 1
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return depth z and dz/dx (H, PLACES) of the profiles at heights (H,)."""
-    step = lens.half_width_mm / ((PLACES - 1) * STEPS)
-    z, slope = np.zeros((len(heights), PLACES)), np.zeros((len(heights), PLACES))
-    now = np.zeros(len(heights))
-    for i in range(1, PLACES):
+    """Return depth z and dz/dx (H, SAMPLES) of the profiles at heights (H,)."""
+    step = lens.half_width_mm / ((SAMPLES - 1) * STEPS)
+    z, slope = np.zeros((len(heights), SAMPLES)), np.zeros((len(heights), SAMPLES))
+    z_now = np.zeros(len(heights))
+    for i in range(1, SAMPLES):
         for k in range(STEPS):
             x = ((i - 1) * STEPS + k) * step
-            one = _slope(lens, x, now, heights)
-            two = _slope(lens, x + 0.5 * step, now + 0.5 * step * one, heights)
-            three = _slope(lens, x + 0.5 * step, now + 0.5 * step * two, heights)
-            four = _slope(lens, x + step, now + step * three, heights)
-            now = now + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-        z[:, i], slope[:, i] = now, _slope(lens, i * step * STEPS, now, heights)
+            k1 = _slope(lens, x, z_now, heights)
+            k2 = _slope(lens, x + 0.5 * step, z_now + 0.5 * step * k1, heights)
+            k3 = _slope(lens, x + 0.5 * step, z_now + 0.5 * step * k2, heights)
+            k4 = _slope(lens, x + step, z_now + step * k3, heights)
+            z_now = z_now + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        z[:, i], slope[:, i] = z_now, _slope(lens, i * step * STEPS, z_now, heights)
     return z, slope
 
 
 def _slope(lens: LayeredLens, x: float, z: FloatArray, y: FloatArray) -> FloatArray:
-    """Return dz/dx from Snell's law in projection; NaN where the emitter's ray grazes the profile."""
-    before, behind = np.hypot(x, z + lens.distance_mm), np.hypot(x, lens.focus_mm - z)
-    square = y * y / (before * before + y * y)
-    n1, n2 = np.sqrt(lens.outside_index**2 * (1.0 - square)), np.sqrt(lens.design_index**2 - square)
-    ux, uz, vx, vz = x / before, (z + lens.distance_mm) / before, -x / behind, (lens.focus_mm - z) / behind
-    grazes = n1 >= n2 * (ux * vx + uz * vz)
-    return np.where(grazes, np.nan, -(n1 * ux - n2 * vx) / (n1 * uz - n2 * vz))
+    """Return dz/dx from Snell's law in projection; NaN from where the emitter's ray is tangent to the profile."""
+    to_emitter, to_focus = np.hypot(x, z + lens.distance_mm), np.hypot(x, lens.focus_mm - z)
+    beta2 = y * y / (to_emitter * to_emitter + y * y)
+    n1, n2 = np.sqrt(lens.outside_index**2 * (1.0 - beta2)), np.sqrt(lens.design_index**2 - beta2)
+    ux, uz, vx, vz = x / to_emitter, (z + lens.distance_mm) / to_emitter, -x / to_focus, (lens.focus_mm - z) / to_focus
+    beyond_tangency = n1 >= n2 * (ux * vx + uz * vz)
+    return np.where(beyond_tangency, np.nan, -(n1 * ux - n2 * vx) / (n1 * uz - n2 * vz))

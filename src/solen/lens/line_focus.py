@@ -1,12 +1,12 @@
-"""The smooth lens that directs every ray from the emitter through one line.
+"""The smooth lens that refracts every ray from the emitter through one line.
 
 Every path from the emitter E to the surface and on to a wavefront behind it has the same optical length,
 |P − E| + n·D(P) = const. D determines the divergence of the light along y. With ρ = √(x² + (s' − z)²), the distance
 from the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at
-a constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes it diverge in y as if it
-came from that circle: from a virtual focus ρ₀ − s' before the vertex. In both cases ∇D has no azimuthal component about
-the line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the section at mid-height is the
-Cartesian oval.
+a constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes the light diverge in y as
+if it came from that circle: from a virtual focus ρ₀ − s' in front of the vertex. In both cases ∇D has no azimuthal
+component about the line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the section at mid-height
+is the Cartesian oval.
 """
 
 import math
@@ -25,13 +25,13 @@ from solen.results import reported
 
 SCAN, HALVINGS, STEPS = 64, 14, 5
 """Search for the face along z: number of sampled points, bisections of an interval, and steps of Newton's method."""
-FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
-"""Largest distance before the vertex at which a virtual focus is searched for, and the accuracy of that search."""
-MIN_MM = 0.02
+MAX_FOCUS_MM, FOCUS_TOLERANCE_MM = 1e4, 1e-3
+"""Largest distance in front of the vertex at which a virtual focus is searched for, and the tolerance of the search."""
+MIN_CLEARANCE_MM = 0.02
 """Smallest distance from the virtual focus for which the bound of the second derivative holds."""
-ZERO_MM = 1e-15
+DEPTH_ROUNDING_MM = 1e-15
 """Depth that rounding alone may cause."""
-END_MM = 1e-9
+LENGTH_ROUNDING_MM = 1e-9
 """Difference in optical length that rounding alone may cause."""
 
 
@@ -41,7 +41,8 @@ class LineFocusLens(LensInSpace, eq=True):
     Parameters
     ----------
     y_focus_mm
-        Distance before the vertex from which the light in the body seems to diverge along y; infinite if collimated.
+        Distance in front of the vertex from which the light in the body seems to diverge along y; infinite if
+        collimated.
     """
 
     shape_name: ClassVar[str] = "line-focus"
@@ -55,35 +56,32 @@ class LineFocusLens(LensInSpace, eq=True):
         self._check_face()
 
     @classmethod
-    def keeping_light(cls, lens: "LineFocusLens") -> "LineFocusLens":
+    def confining(cls, lens: "LineFocusLens") -> "LineFocusLens":
         """Return the lens with the nearest virtual focus for which top and bottom totally reflect the light.
 
-        A ray with β = n·d_y stays between top and bottom as long as β² < n² − 1; only rays from the emitter's centre
-        are considered.
+        A ray with β = n·d_y is totally reflected if β² < n² − 1; only rays from the emitter's centre are considered.
         """
         index = lens.design_index
         if index <= math.sqrt(2.0):
-            limit = "must be above √2, so that top and bottom totally reflect all light in the body"
-            raise DesignError(
-                "lens.y_focus_mm", value="body", limit=f"index {index:g}: {limit}", remedy='use "collimated"'
-            )
+            limit = f"requires an index above √2, for total reflection at top and bottom, but the index is {index:g}"
+            raise DesignError("lens.y_focus_mm", value="body", limit=limit, remedy='set it to "collimated"')
         low, high = 1e-3, 1.0
-        while not lens._keeps(high):
+        while not lens._confines(high):
             low, high = high, 2.0 * high
-            if high > FARTHEST_MM:
+            if high > MAX_FOCUS_MM:
                 return lens
-        while high - low > CLOSENESS_MM:
+        while high - low > FOCUS_TOLERANCE_MM:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if lens._keeps(middle) else (middle, high)
+            low, high = (low, middle) if lens._confines(middle) else (middle, high)
         return cls(**{**_fields(lens), "y_focus_mm": high})
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of the required optical length, to 1e-13 mm."""
+        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of equal optical length, to 1e-13 mm."""
         x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
         planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
         first = np.zeros(x.shape, dtype=int)
-        for number, plane in enumerate(planes):
-            first = np.where((first == 0) & (self.residual_mm(x, y, plane) < 0.0), number, first)
+        for i, plane in enumerate(planes):
+            first = np.where((first == 0) & (self.residual_mm(x, y, plane) < 0.0), i, first)
             if first.all():
                 break
         low, high = planes[np.maximum(first - 1, 0)], planes[first]
@@ -94,9 +92,10 @@ class LineFocusLens(LensInSpace, eq=True):
         z = 0.5 * (low + high)
         for _ in range(STEPS):
             z = np.clip(z - self.residual_mm(x, y, z) / self._gradient(x, y, z)[1], low, high)
-        reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # otherwise the length jumps there, at the virtual focus
-        z = np.where(np.abs(z) < ZERO_MM, 0.0, z)
-        return np.where((first > 0) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
+        # not at the virtual focus, where the optical length jumps
+        converged = np.abs(self.residual_mm(x, y, z)) < LENGTH_ROUNDING_MM
+        z = np.where(np.abs(z) < DEPTH_ROUNDING_MM, 0.0, z)
+        return np.where((first > 0) & converged & (self._derivative_along_ray(x, y, z) < 0.0), z, np.nan)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: from the gradient of the optical length."""
@@ -118,14 +117,11 @@ class LineFocusLens(LensInSpace, eq=True):
     @property
     def warnings(self) -> tuple[str, ...]:
         """See :attr:`solen.lens.base.Lens.warnings`."""
-        if self.design_index <= math.sqrt(2.0) or self._steepest <= _most(self.design_index):
+        if self.design_index <= math.sqrt(2.0) or self._max_dy <= _max_confined_dy(self.design_index):
             return ()
-        limit = "light from the emitter's centre is too steep for top and bottom, and leaks there"
-        return (
-            warning(
-                f'lens.y_focus_mm = {self.y_focus_mm:.4g}: {limit}; "body" is the nearest focus that confines the light'
-            ),
-        )
+        leak = "light from the emitter's centre leaks through top and bottom, because it meets them too steeply"
+        remedy = 'set it to "body", the nearest focus that confines the light'
+        return (warning(f"lens.y_focus_mm = {self.y_focus_mm:.4g}: {leak}; {remedy}"),)
 
     @reported
     def y_focus(self) -> str:
@@ -137,54 +133,51 @@ class LineFocusLens(LensInSpace, eq=True):
     @property
     def remedy(self) -> str:
         """See :attr:`solen.lens.in_space.LensInSpace.remedy`."""
-        return (
-            super().remedy
-            if math.isinf(self.y_focus_mm)
-            else (f"specify a larger lens.y_focus_mm, or {super().remedy}")
-        )
+        return super().remedy if math.isinf(self.y_focus_mm) else f"increase lens.y_focus_mm, or {super().remedy}"
 
     @property
     def face(self) -> Face:
         """See :attr:`solen.lens.in_space.LensInSpace.face`."""
-        half, nothing = self.half_height_mm, np.empty((0, 0))
+        half, no_profiles = self.half_height_mm, np.empty((0, 0))
         ring = self.focus_mm + self.y_focus_mm
-        numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
-        ends = (self.depth_mm, self.nearest_mm, self.deepest_mm)
-        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing, self._bend, 0.0, 0.0, 0.0, 0.0)
+        sizes = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
+        depths = (self.depth_mm, self.nearest_mm, self.deepest_mm)
+        edges = np.array([-half, half])
+        return Face(*sizes, *depths, edges, no_profiles, no_profiles, self._max_bend, 0.0, 0.0, 0.0, 0.0)
 
     @property
-    def _bend(self) -> float:
-        """Return an upper bound for the second derivative of n·√((ρ − ρ₀)² + y²) along a line.
+    def _max_bend(self) -> float:
+        """Upper bound for the second derivative of n·√((ρ − ρ₀)² + y²) along a line.
 
         It is n divided by the minimum distance from the circle.
         """
         farthest = math.hypot(self.half_width_mm, self.focus_mm - self.nearest_mm)
-        return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, MIN_MM)
+        return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, MIN_CLEARANCE_MM)
 
     @cached_property
-    def _steepest(self) -> float:
-        """Return the largest d_y in the body among rays from the emitter's centre."""
-        x, y, z = self.checked
+    def _max_dy(self) -> float:
+        """Largest d_y in the body among rays from the emitter's centre."""
+        x, y, z = self.sampled_face
         if math.isinf(self.y_focus_mm):
             return 0.0
-        away = self.focus_mm + self.y_focus_mm - np.hypot(x, self.focus_mm - z)
-        return float(np.max(y / np.hypot(away, y)))
+        from_ring = self.focus_mm + self.y_focus_mm - np.hypot(x, self.focus_mm - z)
+        return float(np.max(y / np.hypot(from_ring, y)))
 
-    def _keeps(self, y_focus_mm: float) -> bool:
-        """Return whether a surface with another focus exists, and top and bottom confine its light."""
+    def _confines(self, y_focus_mm: float) -> bool:
+        """Return whether a surface with another virtual focus exists, and top and bottom confine its light."""
         try:
             other = LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
         except DesignError:
             return False
-        return other._steepest <= _most(self.design_index)
+        return other._max_dy <= _max_confined_dy(self.design_index)
 
-    def _faces(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    def _derivative_along_ray(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Return the derivative of the residual along the emitter's ray: negative if the surface faces the emitter."""
         from_line = np.hypot(x, self.focus_mm - z)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
         by_line, by_y = self._by_line(from_line, y)
-        onto = by_line * (x * x - (self.focus_mm - z) * (z + self.distance_mm)) / from_line + by_y * y
-        return np.asarray(1.0 + self.design_index * onto / from_emitter)
+        dot_product = by_line * (x * x - (self.focus_mm - z) * (z + self.distance_mm)) / from_line + by_y * y
+        return np.asarray(1.0 + self.design_index * dot_product / from_emitter)
 
     def _gradient(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the derivatives of the residual with respect to x and z."""
@@ -198,13 +191,13 @@ class LineFocusLens(LensInSpace, eq=True):
         """Return the derivatives of D with respect to the distance from the focal line and to y."""
         if math.isinf(self.y_focus_mm):
             return np.ones_like(from_line), np.zeros_like(from_line)
-        away = self.focus_mm + self.y_focus_mm - from_line
-        with np.errstate(invalid="ignore"):  # at the virtual focus itself there is no direction
-            return away / np.hypot(away, y), -y / np.hypot(away, y)
+        from_ring = self.focus_mm + self.y_focus_mm - from_line
+        with np.errstate(invalid="ignore"):  # undefined at the virtual focus itself
+            return from_ring / np.hypot(from_ring, y), -y / np.hypot(from_ring, y)
 
 
-def _most(index: float) -> float:
-    """Return the largest d_y that top and bottom reflect totally in a body of this index in air."""
+def _max_confined_dy(index: float) -> float:
+    """Return the largest d_y for total reflection at top and bottom of a body of this index in air."""
     return math.sqrt(1.0 - 1.0 / index**2)
 
 

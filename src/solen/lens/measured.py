@@ -1,7 +1,7 @@
 """A measured lens: the designed lens plus the deviation of a measured profile.
 
 Its width, depth and the start of the stem are those of the design, to which the profile is registered. Uncertainties
-come from random outlines: the smoothed outline plus a random curve with the standard deviation of the points,
+come from random outlines: the smoothed profile plus a random curve with the standard deviation of the points,
 correlated over `FittedProfile.correlation_mm`.
 """
 
@@ -18,26 +18,26 @@ from solen.lens.fitted_profile import FittedProfile
 from solen.lens.spline import DesignedLens
 from solen.results import HIDDEN, reported
 
-DRAWN_CURVE_SHARE = 0.05
-"""Tolerance of the traced curve of a random outline, as a fraction of the outline's uncertainty. It rotates the
-normals by at most a tenth as much as the uncertainty does, and a curve with half as many pieces is searched much
+OUTLINE_TOLERANCE = 0.05
+"""Tolerance of the traced curve of a random outline, as a fraction of the outline's uncertainty. It rotates the normals
+by at most a tenth as much as the uncertainty does, and the curve has half as many pieces, so it is searched much
 faster.
 """
-DRAWN_SPOTS = 24
-"""Number of random outlines for the uncertainty of the focus; it determines that uncertainty to about 15 %."""
+FOCUS_OUTLINES = 24
+"""Number of random outlines for the uncertainty of the focus, which they determine to about 15 %."""
 
 
 class MeasuredLens(DeviatingLens, eq=True):
     """A lens with a profile that was measured, or predicted by a print model.
 
-    ``drawn`` is 0 for the smoothed profile itself, or the number of a random outline drawn within its uncertainty; the
-    same number always gives the same outline.
+    ``outline`` is 0 for the smoothed profile itself, or the number of a random outline within its uncertainty; the same
+    number always gives the same outline.
     """
 
     shape_name: ClassVar[str] = "measured"
 
     fit: FittedProfile
-    drawn: int = field(default=0, metadata=HIDDEN)
+    outline: int = field(default=0, metadata=HIDDEN)
 
     @reported
     def designed(self) -> DesignedLens:
@@ -51,18 +51,18 @@ class MeasuredLens(DeviatingLens, eq=True):
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.base.DeviatingLens.deviation_mm`."""
-        error = self._error(x_mm, 0) if self.drawn else 0.0
+        error = self._error(x_mm, 0) if self.outline else 0.0
         return np.asarray(self.fit.deviation_mm(x_mm) + error)
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.base.DeviatingLens.deviation_slope`."""
-        error = self._error(x_mm, 1) if self.drawn else 0.0
+        error = self._error(x_mm, 1) if self.outline else 0.0
         return np.asarray(self.fit.deviation_slope(x_mm) + error)
 
     @property
     def curve_within_mm(self) -> float:
-        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; `DRAWN_CURVE_SHARE` of u for a random outline."""
-        within_mm = 1e-3 * DRAWN_CURVE_SHARE * self.fit.u_rms_um if self.drawn else 0.0
+        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; `OUTLINE_TOLERANCE` of u for a random outline."""
+        within_mm = 1e-3 * OUTLINE_TOLERANCE * self.fit.u_rms_um if self.outline else 0.0
         return max(within_mm, super().curve_within_mm)
 
     @property
@@ -70,34 +70,34 @@ class MeasuredLens(DeviatingLens, eq=True):
         """See :attr:`solen.lens.base.Lens.warnings`."""
         return self.fit.warnings
 
-    def drawn_within(self, number: int) -> "MeasuredLens":
-        """Return the random outline of a number above 0, within the points' uncertainty, or the smoothed one for 0."""
-        return replace(self, drawn=number)
+    def with_outline(self, number: int) -> "MeasuredLens":
+        """Return the lens with the random outline of a number above 0, or with the smoothed profile for 0."""
+        return replace(self, outline=number)
 
     def u_best_focus_mm(self, index: float) -> float | None:
-        """Return the standard uncertainty of `best_focus_mm`, from `DRAWN_SPOTS` random outlines."""
+        """Return the standard uncertainty of `best_focus_mm`, from `FOCUS_OUTLINES` random outlines."""
         return _u_best_focus_mm(self, index)
 
     @cached_property
     def _error(self) -> Callable[[FloatArray, int], FloatArray]:
-        """Return the random curve along z of a random outline, or its derivative with respect to x.
+        """Function for the random part of an outline along z in mm, or its derivative with respect to x.
 
-        It is normally distributed and correlated along the lens.
+        The random part is normally distributed and correlated along the lens.
         """
         from scipy.interpolate import CubicSpline
 
-        track, (nodes, root) = self.fit.track, self.fit.errors
-        spline = CubicSpline(nodes, root @ np.random.default_rng(self.drawn).standard_normal(nodes.size))
+        table, (nodes, root) = self.fit.length_table, self.fit.errors
+        spline = CubicSpline(nodes, root @ np.random.default_rng(self.outline).standard_normal(nodes.size))
 
         def error(x: FloatArray, order: int) -> FloatArray:
-            per_x = track.length_per_x(x) if order else 1.0
-            return np.asarray(spline(track.length_at(x), order) * per_x)
+            per_x = table.length_per_x(x) if order else 1.0
+            return np.asarray(spline(table.length_at(x), order) * per_x)
 
         return error
 
 
 @lru_cache(maxsize=16)
 def _u_best_focus_mm(lens: MeasuredLens, index: float) -> float | None:
-    drawn = [lens.drawn_within(number).best_focus_mm(index) for number in range(1, DRAWN_SPOTS + 1)]
-    foci_mm = [focus_mm for focus_mm in drawn if focus_mm is not None]
-    return float(np.std(foci_mm, ddof=1)) if len(foci_mm) == DRAWN_SPOTS else None
+    outlines = (lens.with_outline(number) for number in range(1, FOCUS_OUTLINES + 1))
+    foci_mm = [focus_mm for outline in outlines if (focus_mm := outline.best_focus_mm(index)) is not None]
+    return float(np.std(foci_mm, ddof=1)) if len(foci_mm) == FOCUS_OUTLINES else None

@@ -53,7 +53,7 @@ class OvalLens(CurvedLens, eq=True):
     focus_mm
         s', from the vertex to the focus F2 inside the material.
     half_width_mm
-        Half the lens's width; beyond `tangency` the oval is hidden behind itself and `DesignError` is raised.
+        Half the lens's width. Beyond `tangency` the oval would be hidden from the emitter; `DesignError` is raised.
     design_index
         n2, the index for which the oval is computed.
     outside_index
@@ -87,19 +87,21 @@ class OvalLens(CurvedLens, eq=True):
     def z_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:
         """Return the profile z(x) at positions |x| <= half width; the residual of the oval is below 1e-12 mm.
 
-        Newton's method runs along z from the tangent plane at the vertex, which is outside the oval. The equation is
-        convex along any line, so the iteration approaches the front and can never jump to the second root behind it.
+        Newton's method starts on the tangent plane at the vertex, which is outside the oval, and proceeds along z. The
+        equation is convex along any line, so the iteration cannot jump to the second root behind the front.
         """
         x = np.abs(np.asarray(x_mm, dtype=float))
         if not np.all(x <= self.half_width_mm):
-            raise DesignError("x_mm", value=float(np.max(x)), limit=f"the lens ends at {self.half_width_mm} mm")
+            raise DesignError(
+                "x_mm", value=float(np.max(x)), limit=f"must be within {self.half_width_mm} mm of the axis"
+            )
         n1, n2, s, f = self.outside_index, self.design_index, self.distance_mm, self.focus_mm
         z = np.zeros_like(x)
         for _ in range(60):
-            before, behind = np.hypot(z + s, x), np.hypot(f - z, x)
+            to_object, to_image = np.hypot(z + s, x), np.hypot(f - z, x)
             square = x * x + z * z
-            value = n1 * (square + 2 * s * z) / (before + s) + n2 * (square - 2 * f * z) / (behind + f)
-            step = value / (n1 * (z + s) / before - n2 * (f - z) / behind)
+            value = n1 * (square + 2 * s * z) / (to_object + s) + n2 * (square - 2 * f * z) / (to_image + f)
+            step = value / (n1 * (z + s) / to_object - n2 * (f - z) / to_image)
             z = z - step
             if np.all(np.abs(step) <= 1e-15 * (1.0 + z)):
                 break
@@ -117,7 +119,7 @@ class OvalLens(CurvedLens, eq=True):
 
     @reported
     def tangency_half_width_mm(self) -> float:
-        """Half width at which rays from the emitter graze the oval: the upper limit."""
+        """Half width at which a ray from the emitter is tangent to the oval: the upper limit."""
         return tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)[1]
 
     @reported
@@ -203,8 +205,8 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.design_index",
                 value=self.design_index,
-                limit=f"must be above {self.outside_index:g}, the index outside",
-                remedy="a lens with the index of its surroundings does not refract light",
+                limit=f"must be above {self.outside_index:g}, the index outside, for the lens to focus",
+                remedy="increase it",
             )
 
     def _refuse_width(self, limit_mm: float) -> None:
@@ -216,15 +218,15 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.focus_mm",
                 value=self.focus_mm,
-                limit=f"is inside the lens, which is at least {least_depth_mm:.2f} mm deep at a "
+                limit=f"must be behind the lens, which is at least {least_depth_mm:.2f} mm deep at a "
                 f"half width of {self.half_width_mm:g} mm",
-                remedy=f"focus beyond {nearest_mm:.2f} mm or narrow the lens below {limit_mm:.3f} mm",
+                remedy=f"set lens.focus_mm above {nearest_mm:.2f} or lens.half_width_mm below {limit_mm:.3f}",
             )
         raise DesignError(
             "lens.half_width_mm",
             value=self.half_width_mm,
-            limit=f"must be below {limit_mm:.3f} mm, where rays from the emitter graze the oval (tangency)",
-            remedy=f"narrow the lens, focus beyond {nearest_mm:.2f} mm or move the emitter away",
+            limit=f"must be below {limit_mm:.3f} mm, where a ray from the emitter is tangent to the oval",
+            remedy=f"reduce it, set lens.focus_mm above {nearest_mm:.2f} or increase emitter.distance_mm",
         )
 
 
@@ -237,7 +239,7 @@ def _check_lengths(lens: Lens) -> None:
 
 
 def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple[float, float]:
-    """Return the angle in degrees and the half width in mm at which a ray from the emitter only grazes the oval.
+    """Return the angle in degrees and the half width in mm at which a ray from the emitter is tangent to the oval.
 
     Seen from F1, the oval's equation is quadratic in the distance; where its discriminant vanishes, the two roots meet.
     """
@@ -250,7 +252,7 @@ def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple
 
 
 def nearest_focus_mm(n1: float, n2: float, distance_mm: float, half_width_mm: float) -> float:
-    """Return the nearest focus in mm for which an oval of this half width stays below tangency, to a relative 1e-6."""
+    """Return the nearest focus in mm at which an oval of this half width ends before tangency, to a relative 1e-6."""
     low, high = 1e-6, 1.0
     while tangency(n1, n2, distance_mm, high)[1] <= half_width_mm:
         low, high = high, 2.0 * high

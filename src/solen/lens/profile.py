@@ -1,16 +1,15 @@
 """Lens profile from an image, a scan or a print model: points with uncertainties.
 
 Measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame of the
-designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a profile that
-folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table with
-the columns x and z, and u if the uncertainty is known.
+designed lens: x lateral, z into the body, the designed vertex at the origin. A profile is z as a function of x; one
+that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table
+with the columns x and z, and u if the uncertainty is known.
 
 `read_profile` reads a file, `profile_of` makes a profile from columns of numbers, and `profile_text` formats one as
 text.
 """
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,10 +47,10 @@ class MeasuredProfile(Result):
     Attributes
     ----------
     x_mm, z_mm
-        Points (N,), x strictly ascending; z increases into the body.
+        Points (N,), in strictly ascending order of x; z increases into the body.
     u_mm
-        Standard uncertainty (N,) of each point along the profile's normal, without the errors common to all points (of
-        scale and position); 0 for exact points.
+        Standard uncertainty (N,) of each point along the profile's normal, without errors of scale and position, which
+        are common to all points; 0 for exact points.
     simulated
         Whether the profile was computed, as by a print model or from a rendered image, rather than measured.
     name
@@ -118,17 +117,16 @@ def profile_of(
     """
     x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
     if x.shape != z.shape:
-        raise DataError("z_mm", value=f"{z.size} numbers", limit=f"must be as long as x_mm, {x.size}")
+        raise DataError("length of z_mm", value=z.size, limit=f"must be that of x_mm, {x.size}")
     backwards = x.size > 1 and bool(np.all(np.diff(x) < 0.0))
     _check_order(x[::-1] if backwards else x)
     warnings: tuple[str, ...] = ()
     if u_mm is None:
-        u_each = scatter_mm(x, z)
+        u_mm = scatter_mm(x, z)
         warnings = (
-            f"the profile specifies no uncertainty; {1e3 * u_each:.2g} µm is assumed, the scatter "
-            "of neighbouring points: common errors of scale or position are not included",
+            f"the profile specifies no uncertainty; {1e3 * u_mm:.2g} µm is assumed, the scatter "
+            "of neighbouring points, which does not include errors of scale or position",
         )
-        u_mm = u_each
     u = np.full_like(x, u_mm) if np.ndim(u_mm) == 0 else _column("u_mm", u_mm)
     if backwards:
         x, z, u = x[::-1], z[::-1], u[::-1]
@@ -144,23 +142,22 @@ def profile_text(profile: MeasuredProfile) -> str:
 def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
     """Return the standard deviation, along the normal, of independent errors of neighbouring points.
 
-    Each point is compared with the straight line through its neighbours; the median of the absolute deviations, 0.6745
-    standard deviations if they are normally distributed, is robust against outliers as at a step. If z is the deviation
-    from a profile rather than a profile, ``slope`` (N,) is the slope of that profile.
+    Each point is compared with the straight line through its neighbours. The median of the absolute deviations, 0.6745
+    standard deviations if they are normally distributed, is robust against outliers, such as at a step. If z is the
+    deviation from a profile rather than a profile, ``slope`` (N,) is the slope of that profile.
     """
     if x_mm.size < 3:
         return 0.0
-    share = (x_mm[1:-1] - x_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
-    deviation = z_mm[1:-1] - (1.0 - share) * z_mm[:-2] - share * z_mm[2:]
-    deviation = deviation - _running_median(deviation)  # the curvature of the profile itself
-    steep = (z_mm[2:] - z_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
-    leans = _running_median(steep) if slope is None else slope[1:-1]
-    size = np.abs(deviation) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2) / np.hypot(1.0, leans)
+    weight = (x_mm[1:-1] - x_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
+    deviation = z_mm[1:-1] - (1.0 - weight) * z_mm[:-2] - weight * z_mm[2:]
+    deviation = deviation - _running_median(deviation)  # which is due to the curvature of the profile
+    inner_slope = _running_median((z_mm[2:] - z_mm[:-2]) / (x_mm[2:] - x_mm[:-2])) if slope is None else slope[1:-1]
+    size = np.abs(deviation) / np.sqrt(1.0 + weight**2 + (1.0 - weight) ** 2) / np.hypot(1.0, inner_slope)
     return float(_GAUSS_MAD * np.median(size))
 
 
 def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
-    """Return the running median of the numbers over up to ``reach`` numbers on either side."""
+    """Return the running median over up to ``reach`` neighbours on either side."""
     reach = min(reach, (values.size - 1) // 2)
     padded = np.pad(values, reach, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1))
@@ -192,7 +189,7 @@ class _ProfileFile:
 def _from_json(text: str, where: str) -> MeasuredProfile:
     data = parse_json(text, where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        limit = f'is not a profile of a lens: it has no "solen": "{KIND}"'
+        limit = f'is not a lens profile: its key "solen" must be "{KIND}"'
         raise DataError(where, limit=limit, remedy="write one with solen print inspect")
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
@@ -225,11 +222,11 @@ def _column(key: str, values: ArrayLike) -> FloatArray:
     except (TypeError, ValueError):
         raise DataError(key, limit="must be a list of numbers") from None
     if column.ndim != 1:
-        raise DataError(key, value=f"an array of {column.ndim} dimensions", limit="must be a list of numbers")
-    bad = np.flatnonzero(~np.isfinite(column))
-    if bad.size:
-        where = f"{key}[{int(bad[0])}]"
-        raise DataError(where, value=float(column[bad[0]]), limit="must be a finite number", remedy="omit it")
+        raise DataError(key, limit=f"must be a list of numbers, not an array of {column.ndim} dimensions")
+    invalid = np.flatnonzero(~np.isfinite(column))
+    if invalid.size:
+        i = int(invalid[0])
+        raise DataError(f"{key}[{i}]", value=float(column[i]), limit="must be a finite number", remedy="omit the point")
     column.setflags(write=False)
     return column
 
@@ -237,21 +234,18 @@ def _column(key: str, values: ArrayLike) -> FloatArray:
 def _check(x: FloatArray, z: FloatArray, u: FloatArray) -> None:
     for key, column in (("z_mm", z), ("u_mm", u)):
         if column.size != x.size:
-            limit = f"must be as long as x_mm, {x.size}"
-            raise DataError(
-                key, value=f"{column.size} numbers", limit=limit, remedy="restore the missing end of the file"
-            )
+            limit = f"must be that of x_mm, {x.size}"
+            raise DataError(f"length of {key}", value=column.size, limit=limit, remedy="restore the missing numbers")
     if not MIN_POINTS <= x.size <= MAX_POINTS:
-        limit = f"must be {MIN_POINTS} to {MAX_POINTS:,} points"
-        raise DataError(
-            "x_mm", value=f"{x.size} points", limit=limit, remedy="sample the outline more finely or more coarsely"
-        )
+        limit = f"must be {MIN_POINTS} to {MAX_POINTS:,}"
+        remedy = f"sample the outline more {'finely' if x.size < MIN_POINTS else 'coarsely'}"
+        raise DataError("number of points", value=x.size, limit=limit, remedy=remedy)
     _check_order(x)
     _check_size(x, z)
-    bad = np.flatnonzero((u < 0.0) | (u > MAX_U_MM))
-    if bad.size:
-        limit = f"must be 0 to {MAX_U_MM:g} mm"
-        raise DataError(f"u_mm[{int(bad[0])}]", value=float(u[bad[0]]), limit=limit, remedy="give it in mm")
+    invalid = np.flatnonzero((u < 0.0) | (u > MAX_U_MM))
+    if invalid.size:
+        i, limit = int(invalid[0]), f"must be 0 to {MAX_U_MM:g} mm"
+        raise DataError(f"u_mm[{i}]", value=float(u[i]), limit=limit, remedy="give it in mm")
 
 
 def _check_order(x: FloatArray) -> None:
@@ -261,12 +255,12 @@ def _check_order(x: FloatArray) -> None:
         return
     i = int(wrong[0])
     if np.all(step < 0.0):
-        remedy = "reverse the list"
-        raise DataError("x_mm", value=f"{x[0]:g} to {x[-1]:g}", limit="must ascend", remedy=remedy)
+        limit = "must be in ascending order"
+        raise DataError("x_mm", value=f"{x[0]:g} to {x[-1]:g}", limit=limit, remedy="reverse the lists")
     raise DataError(
         f"x_mm[{i + 1}]",
         value=float(x[i + 1]),
-        limit=f"follows {x[i]:.9g}, but x must ascend; the profile folds back or repeats a point there",
+        limit=f"must be above the preceding {x[i]:.9g}; the profile folds back or repeats a point",
         remedy="keep only the face of the lens, with one z for each x",
     )
 
@@ -274,11 +268,10 @@ def _check_order(x: FloatArray) -> None:
 def _check_size(x: FloatArray, z: FloatArray) -> None:
     width_mm = float(x[-1] - x[0])
     if not MIN_WIDTH_MM <= width_mm <= MAX_WIDTH_MM:
-        limit = f"must be {MIN_WIDTH_MM:g} to {MAX_WIDTH_MM:g} mm wide"
-        raise DataError("x_mm", value=f"{width_mm:.6g} mm wide", limit=limit, remedy="give it in mm")
-    far = max(math.fabs(float(column[i])) for column in (x, z) for i in (column.argmin(), column.argmax()))
-    if far > MAX_WIDTH_MM:
-        limit = f"no point may be farther than {MAX_WIDTH_MM:g} mm from the designed vertex"
-        raise DataError(
-            "z_mm", value=f"{far:.6g} mm", limit=limit, remedy="specify the profile in mm, registered to the design"
-        )
+        limit = f"must be {MIN_WIDTH_MM:g} to {MAX_WIDTH_MM:g} mm"
+        raise DataError("width of the profile", value=width_mm, limit=limit, remedy="give x and z in mm")
+    largest_mm = max(float(np.abs(column).max()) for column in (x, z))
+    if largest_mm > MAX_WIDTH_MM:
+        limit = f"must be at most {MAX_WIDTH_MM:g} mm from the designed vertex"
+        remedy = "give the profile in mm, registered to the design"
+        raise DataError("largest coordinate of the profile", value=largest_mm, limit=limit, remedy=remedy)

@@ -1,4 +1,4 @@
-"""A smooth curve through uncertain points, as smooth as their uncertainty allows.
+"""A curve through uncertain points that is as smooth as their uncertainty allows.
 
 P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots than
 necessary, and a penalty on the third differences of its coefficients. The penalty strength follows from the points
@@ -7,7 +7,7 @@ differences between points as noise. It would interpret correlated errors of nei
 blurred edge, as shape; so the curve is smoothed further, if necessary, until its residuals match the specified
 uncertainty (V. A. Morozov's discrepancy principle).
 
-`smoothed` returns a `Smooth`.
+`smooth_curve` returns a `SmoothCurve`.
 """
 
 from collections.abc import Callable
@@ -22,13 +22,13 @@ DEGREE, ORDER = 3, 3
 """Degree of the spline's pieces, and order of the penalised differences; a parabola is not penalised."""
 MAX_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
-"""Base-10 logarithms of the weakest and the strongest penalty of the search, relative to the weight of the data;
-number of steps.
+"""Base-10 logarithms of the weakest and the strongest penalty that are tried, relative to the weight of the data, and
+the number of penalties.
 """
 
 
-class Smooth(Result):
-    """A smoothed column of values as a function of length.
+class SmoothCurve(Result):
+    """Smoothed values as a function of length.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Smooth(Result):
     parameters
         Effective number of parameters: the trace of the matrix that converts values to smoothed values.
     residual
-        Root mean square of the residuals, each in units of its standard uncertainty.
+        RMS of the residuals, each in units of its standard uncertainty.
     """
 
     spline: Callable[..., FloatArray] = field(metadata=HIDDEN)
@@ -56,15 +56,16 @@ class Smooth(Result):
 
 @dataclass(frozen=True, eq=False)
 class _Penalised:
-    """Normal equations for all strengths at once, in the basis in which data and penalty are both diagonal.
+    """Normal equations for all penalty strengths at once, in the basis in which data and penalty are both diagonal.
 
-    ``data`` (K,) are the fractional weights of the data, ``right`` (K,) is the right-hand side; ``back`` (K, K)
-    converts the solution to the coefficients.
+    ``data`` (K,) are the fractional weights of the data, ``right`` (K,) is the right-hand side; ``basis`` (K, K)
+    converts the solution to the coefficients. ``squares`` is the weighted sum of the squared values, ``count`` their
+    number.
     """
 
     data: FloatArray
     right: FloatArray
-    back: FloatArray
+    basis: FloatArray
     squares: float
     count: int
 
@@ -72,17 +73,17 @@ class _Penalised:
         return self.data + strength * (1.0 - self.data)
 
     def coefficients(self, strength: float) -> FloatArray:
-        return np.asarray(self.back @ (self.right / self.matrix(strength)))
+        return np.asarray(self.basis @ (self.right / self.matrix(strength)))
 
     def parameters(self, strength: float) -> float:
         return float(np.sum(self.data / self.matrix(strength)))
 
     def residuals(self, strength: float) -> float:
         """Return the sum of the squares of the weighted residuals."""
-        size = self.right / self.matrix(strength)
-        return max(float(self.squares - 2.0 * size @ self.right + self.data @ size**2), 0.0)
+        solution = self.right / self.matrix(strength)
+        return max(float(self.squares - 2.0 * solution @ self.right + self.data @ solution**2), 0.0)
 
-    def unlikeliness(self, strength: float) -> float:
+    def deviance(self, strength: float) -> float:
         """Return minus twice the restricted log-likelihood, up to a constant, at the best scale of the noise."""
         free, penalised = self.count - ORDER, self.data.size - ORDER
         matrix = self.matrix(strength)
@@ -90,26 +91,26 @@ class _Penalised:
         return float(free * np.log(squares) + np.log(matrix).sum() - penalised * np.log(strength))
 
 
-def smoothed(place: FloatArray, value: FloatArray, u: FloatArray) -> Smooth:
-    """Return a smooth curve through values (N,) at ascending positions (N,) with standard uncertainties above 0.
+def smooth_curve(position: FloatArray, value: FloatArray, u: FloatArray) -> SmoothCurve:
+    """Return a smooth curve through at least 16 values (N,) with standard uncertainties (N,) above 0.
 
-    N must be at least 16.
+    The positions (N,) must be in ascending order.
     """
     from scipy.interpolate import BSpline
     from scipy.sparse import diags_array
 
-    spans = int(np.clip(place.size // POINTS_PER_SPAN, 4, MAX_SPANS))
-    inner = np.linspace(place[0], place[-1], spans + 1)
+    spans = int(np.clip(position.size // POINTS_PER_SPAN, 4, MAX_SPANS))
+    inner = np.linspace(position[0], position[-1], spans + 1)
     width = inner[1] - inner[0]
     knots = np.concatenate([inner[0] - width * np.arange(DEGREE, 0, -1), inner, inner[-1] + width * np.arange(1, 4)])
-    inside = np.clip(place, inner[0], inner[-1])
-    weighted = diags_array(1.0 / u) @ BSpline.design_matrix(inside, knots, DEGREE)
+    clipped = np.clip(position, inner[0], inner[-1])
+    weighted = diags_array(1.0 / u) @ BSpline.design_matrix(clipped, knots, DEGREE)
     normal = (weighted.T @ weighted).toarray()
-    fit = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), place.size)
-    strength = max(_likeliest(fit), _matching(fit))
-    residual = float(np.sqrt(fit.residuals(strength) / place.size))
+    fit = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), position.size)
+    strength = max(_most_likely(fit), _strongest_within(fit))
+    residual = float(np.sqrt(fit.residuals(strength) / position.size))
     spline = BSpline(knots, fit.coefficients(strength), DEGREE)
-    return Smooth(spline, float(place[-1] - place[0]), fit.parameters(strength), residual)
+    return SmoothCurve(spline, float(position[-1] - position[0]), fit.parameters(strength), residual)
 
 
 def _penalised(normal: FloatArray, right: FloatArray, squares: float, count: int) -> _Penalised:
@@ -121,18 +122,18 @@ def _penalised(normal: FloatArray, right: FloatArray, squares: float, count: int
     root = cholesky(normal + penalty, lower=True)
     inner = solve_triangular(root, solve_triangular(root, normal, lower=True).T, lower=True)
     data, vectors = eigh(0.5 * (inner + inner.T))
-    back = solve_triangular(root.T, vectors, lower=False)
-    return _Penalised(np.clip(data, 0.0, 1.0), np.asarray(back.T @ right), np.asarray(back), squares, count)
+    basis = solve_triangular(root.T, vectors, lower=False)
+    return _Penalised(np.clip(data, 0.0, 1.0), np.asarray(basis.T @ right), np.asarray(basis), squares, count)
 
 
 STRENGTHS = [float(strength) for strength in np.logspace(WEAKEST, STRONGEST, STEPS)]
 
 
-def _likeliest(fit: _Penalised) -> float:
+def _most_likely(fit: _Penalised) -> float:
     """Return the penalty strength that maximises the restricted likelihood."""
-    return min(STRENGTHS, key=fit.unlikeliness)
+    return min(STRENGTHS, key=fit.deviance)
 
 
-def _matching(fit: _Penalised) -> float:
-    """Return the largest strength whose residuals do not exceed the uncertainties, or 0 if all do."""
+def _strongest_within(fit: _Penalised) -> float:
+    """Return the largest penalty strength whose residuals do not exceed the uncertainties, or 0 if all do."""
     return max((strength for strength in STRENGTHS if fit.residuals(strength) <= fit.count), default=0.0)

@@ -8,7 +8,7 @@ from typing import TypedDict
 import numpy as np
 
 from solen.arrays import FloatArray, IndexArray, flag_runs
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.geometry import Body, Face
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
 from solen.mechanics.fingers import Touch, touch_of, tributary_lengths
@@ -208,7 +208,7 @@ class _Range(TypedDict):
 
 def _lengths(face: Face, u_from: float, u_to: float) -> _Range:
     """Return the ends of a part of a face as lengths, measured as in wall tables."""
-    measure = Measure(face.curve)
+    measure = ArcLength(face.curve)
     low, high = measure.lengths_at(np.array([u_from, u_to])).tolist()
     ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)
     return _Range(from_mm=face.begins_mm + ends[0], to_mm=face.begins_mm + ends[1])

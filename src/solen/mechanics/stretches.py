@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.errors import DesignError
 from solen.geometry import Body, Face, has_name
 from solen.mechanics.load import Hold, Load, Press, Stretch
@@ -37,7 +37,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     named = [face for face in body.all_faces if has_name(face, stretch.face)]
     if not named:
         raise _unknown_face(body, stretch.face, what)
-    longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
+    longest_mm = max(face.begins_mm + ArcLength(face.curve).length_mm for face in named)
     if stretch.to_mm is not None and stretch.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
         raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="omit it to reach the end")
@@ -55,7 +55,7 @@ def contact_position(body: Body, press: Press) -> tuple[Face, float]:
         raise _unknown_face(body, press.face, press.name)
     ends = []
     for face in named:
-        measure = Measure(face.curve)
+        measure = ArcLength(face.curve)
         length_mm = press.at_mm - face.begins_mm
         ends.append(face.begins_mm + measure.length_mm)
         if 0.0 <= length_mm <= measure.length_mm:
@@ -100,7 +100,7 @@ def nodal_lengths(points: FloatArray, nodes: IndexArray) -> FloatArray:
 
 
 def _covered(face: Face, stretch: Stretch) -> Part | None:
-    measure = Measure(face.curve)
+    measure = ArcLength(face.curve)
     low = max(0.0, stretch.from_mm - face.begins_mm)
     high = measure.length_mm if stretch.to_mm is None else min(measure.length_mm, stretch.to_mm - face.begins_mm)
     if high - low < MIN_LENGTH_MM:

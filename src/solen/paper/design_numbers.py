@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from solen.curve import Measure
+from solen.curve import ArcLength
 from solen.fabricate.process.process_file import default_process
 from solen.geometry.coupons import Coupon, layout
 from solen.paper.statements import statements
@@ -34,8 +34,8 @@ def body_sizes(sensor: Sensor) -> dict[str, float]:
         "stem-curve": (abs(fork[0]) - abs(stem.start[0])) / length**2,
         "minor-base": math.dist(lens.start, lens.end),
         "major-base": math.dist(fork, body.marks["fork-left"]),
-        "arm-length": Measure(body.face("outer-right").curve).length_mm,
-        "arm-width": Measure(body.face("receiver-right").curve).length_mm,
+        "arm-length": ArcLength(body.face("outer-right").curve).length_mm,
+        "arm-width": ArcLength(body.face("receiver-right").curve).length_mm,
     }
 
 

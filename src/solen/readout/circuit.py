@@ -16,7 +16,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.length import Measure
+from solen.curve import ArcLength
 from solen.errors import DataError, SpecError
 from solen.geometry import Body
 from solen.parts import AdcPart, EmitterPart, Part, ReceiverPart, TrimmerPart, library_part, light_of, load_part
@@ -222,7 +222,7 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
     areas: dict[str, float] = {}
     for face in (*body.all_faces, *body.separate):
         if face.part == "receiver":
-            areas[face.label] = areas.get(face.label, 0.0) + Measure(face.curve).length_mm * height
+            areas[face.label] = areas.get(face.label, 0.0) + ArcLength(face.curve).length_mm * height
     return dict(sorted(areas.items(), reverse=True))
 
 

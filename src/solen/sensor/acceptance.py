@@ -25,7 +25,7 @@ from solen.scene import Scene, Source
 from solen.scene.sources.base import Launch, Placed, PlacedInSpace
 from solen.sensor.sensor import Sensor
 from solen.trace import trace
-from solen.trace.entry import through_face
+from solen.trace.entry import scene_behind_face
 
 SIDES = ("right", "left")
 ANGLE_BINS, BANDS = 90, 8
@@ -68,7 +68,7 @@ class Acceptance:
         """
         if self.is_flat:
             return np.ones(len(receivers))
-        scene = through_face(scene, "power")
+        scene = scene_behind_face(scene, "power")
         edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
         sine = self.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
         window_deg, powers = [], []

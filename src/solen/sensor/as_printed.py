@@ -185,7 +185,7 @@ def _comparison(
     before, after = response_at(designed, angles, responses[1]), response_at(sensor, angles, responses[0])
     deviations = []
     for seed in tracked(range(1, draws + 1), progress):
-        drawn = replace(sensor, cut=lens.drawn_within(seed))
+        drawn = replace(sensor, cut=lens.with_outline(seed))
         deviations.append(_contrasts(drawn, after) - after.contrast)
     u_shape = np.sqrt(np.mean(np.square(deviations), axis=0)) if deviations else np.zeros(len(angles))
     nulls = [(full or subset).null_deg() for subset, full in zip((before, after), responses[::-1], strict=True)]

@@ -132,7 +132,7 @@ def _lens_pieces(sensor: Sensor) -> tuple[FloatArray, IntArray]:
     lens = Interface("lens", sensor.lens.front, "body", "air")
     regions, sources = (Region("air", 1.0), Region("body", 1.0)), (Fan((0.0, 0.0), 0.0, 1.0, 1),)
     tables = compile_scene(Scene(regions, (lens,), sources, open_media=True))
-    return np.asarray(tables.shape[:, :12], dtype=float), tables.before
+    return np.asarray(tables.shape[:, :12], dtype=float), tables.previous
 
 
 def _light(sensor: Sensor, first_row: int) -> tuple[tuple[float, ...], FloatArray]:

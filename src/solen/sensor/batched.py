@@ -19,8 +19,8 @@ from solen.progress import Progress, on_threads
 from solen.sensor.batch_input import batch_input
 from solen.sensor.sensor import Sensor
 from solen.trace import Limits, Mode, batch
-from solen.trace.batch import places
-from solen.trace.batch.places import Chips, Places
+from solen.trace.batch import position_bins
+from solen.trace.batch.position_bins import Chips, PositionBins
 
 RAYS = 2**12
 """Number of rays per angle, for a contrast accuracy of about 1e-3 with a chip of 0.2 mm."""
@@ -135,11 +135,13 @@ class _Batch:
         self.offset = _per_sensor(offsets_mm, [sensor.design.emitter.offset_mm for sensor in sensors])
         self.width, self.offset = np.broadcast_arrays(self.width, self.offset)
         self.mirrors = self._mirrors()
-        opposite = places.are_symmetric(self.angle_deg) if self.mirrors else np.zeros(len(self.angle_deg), bool)
+        opposite = (
+            position_bins.follows_by_symmetry(self.angle_deg) if self.mirrors else np.zeros(len(self.angle_deg), bool)
+        )
         self.traced = np.flatnonzero(~opposite)
-        self.lattices = places.lattices_for(self.width, self.offset, self.mirrors)
+        self.lattices = position_bins.lattices_for(self.width, self.offset, self.mirrors)
         self.workspaces = local()
-        self.places: dict[tuple[bytes, bytes], Places] = {}
+        self.places: dict[tuple[bytes, bytes], PositionBins] = {}
         self.new_workspace = partial(
             batch.DesignBatch,
             self.angle_deg[self.traced],
@@ -167,12 +169,12 @@ class _Batch:
         if not hasattr(self.workspaces, "batch_workspace"):
             self.workspaces.batch_workspace = self.new_workspace()
         positions = self._positions_of(d)
-        result = self.workspaces.batch_workspace.traced(self.numbers, d, positions.bins, self.seed)
+        result = self.workspaces.batch_workspace.trace(self.numbers, d, positions.bins, self.seed)
         out = self.responses
-        out.why[d] = self._why_not(d, self.angle_deg[self.traced[result.sound != batch.SOUND]])
+        out.why[d] = self._why_not(d, self.angle_deg[self.traced[result.soundness != batch.SOUND]])
         if out.why[d]:
             return
-        if np.any(result.sound < batch.UNSURE):
+        if np.any(result.soundness < batch.UNSURE):
             raise AssertionError("the batch rejects a body that can be built")
         by_bin = np.moveaxis(self._all_angles(result.power), -1, 0)
         right, left = positions.powers(by_bin)
@@ -189,12 +191,12 @@ class _Batch:
             return str(error)
         return ""
 
-    def _positions_of(self, d: int) -> Places:
+    def _positions_of(self, d: int) -> PositionBins:
         """Return the positions of a sensor's chips, cached for consecutive sensors with the same chips."""
         key = (self.width[d].tobytes(), self.offset[d].tobytes())
         positions = self.places.get(key)
         if positions is None:
-            positions = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.mirrors)
+            positions = PositionBins.of(Chips(self.width[d], self.offset[d]), self.lattices, self.mirrors)
             self.places = {key: positions}
         return positions
 
@@ -205,8 +207,8 @@ class _Batch:
         row = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}
         rows = []
         for angle in self.angle_deg.tolist():
-            at_angle = power[row[angle]] if angle in row else places.mirrored(power[row[-angle]])
-            rows.append(0.5 * (at_angle + places.mirrored(at_angle)) if angle == 0.0 else at_angle)
+            at_angle = power[row[angle]] if angle in row else position_bins.mirrored(power[row[-angle]])
+            rows.append(0.5 * (at_angle + position_bins.mirrored(at_angle)) if angle == 0.0 else at_angle)
         return np.stack(rows)
 
 

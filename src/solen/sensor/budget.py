@@ -13,7 +13,7 @@ import numpy as np
 from solen.scene import Scene
 from solen.sensor.sensor import Sensor
 from solen.trace import Trace, integrate, trace
-from solen.trace.adaptive import why_not
+from solen.trace.adaptive import integration_obstacle
 
 TOLERANCE = 1e-3
 BUDGET_RAYS = 2**17
@@ -133,7 +133,7 @@ def _opaque(scene: Scene) -> Scene:
 
 def _powers_of(scene: Scene) -> tuple[Trace, float]:
     """Return the trace of a scene, integrated if possible and otherwise sampled, and the uncertainty of its powers."""
-    if not why_not(scene):
+    if not integration_obstacle(scene):
         result = integrate(scene, "power", TOLERANCE)
         if result.reached:
             return result, result.u_power

@@ -14,8 +14,8 @@ from solen.sensor.numbers import number, optical_keys, tolerance_of, why_inert
 from solen.sensor.response import Sensitivity, contrast_slope
 from solen.spec import with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate
-from solen.trace.adaptive import POINT_TOLERANCE, default_tolerance, is_extended, why_not
-from solen.trace.derivative import EXTENDED_TOLERANCE, MAX_LEGS, SPACE_TOLERANCE, TOLERANCE
+from solen.trace.adaptive import POINT_TOLERANCE, default_tolerance, integration_obstacle, is_extended
+from solen.trace.derivative import EXTENDED_TOLERANCE, MAX_SEGMENTS, SPACE_TOLERANCE, TOLERANCE
 
 if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
@@ -72,7 +72,7 @@ def sensitivities(
             raise SpecError(key, limit=why, remedy="omit it")
     values = {key: number(sensor, key) for key in selected}
     scene = sensor.scene(angle_deg)
-    if (why := why_not(scene)) and not sensor.is_sampled:
+    if (why := integration_obstacle(scene)) and not sensor.is_sampled:
         limit = f"is not available for {why}, whose light cannot be integrated"
         raise DesignError("sensitivity", limit=limit, remedy="compare two designs with solen trace")
     base = _base(sensor, scene, angle_deg)
@@ -93,7 +93,7 @@ def _base(sensor: "Sensor", scene: Scene, angle_deg: float) -> Trace:
         return base
     in_space = scene.extrusion is not None
     tolerance = SPACE_TOLERANCE if in_space else EXTENDED_TOLERANCE if is_extended(scene) else TOLERANCE
-    base = integrate(scene, "power", tolerance, most_legs=None if in_space else MAX_LEGS)
+    base = integrate(scene, "power", tolerance, max_segments=None if in_space else MAX_SEGMENTS)
     if not base.reached:
         limit = f"cannot be integrated to {tolerance:g}: {base.why}"
         raise DesignError(light, limit=limit, remedy="try another angle")

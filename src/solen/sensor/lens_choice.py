@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SolenError
-from solen.lens import GivenLayers
+from solen.lens import LayeredLensFromFile
 from solen.plane import deviation_from_line
 from solen.results import Result, reported
 from solen.sensor.effects import COVERAGE_FACTOR, response_at, with_deviations
@@ -213,7 +213,7 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], respons
     angles = sorted(null_deg + (end - null_deg) * n / max(SIXTHS) for end in ends_deg for n in SIXTHS)
     centred = response_at(sensor, angles, response)
     off_deg = null_deg + (ends_deg[0] - null_deg) * DISPLACED_SIXTH / max(SIXTHS)
-    y_mm, given = sensor.design.emitter.y_mm, isinstance(sensor.lens, GivenLayers)
+    y_mm, given = sensor.design.emitter.y_mm, isinstance(sensor.lens, LayeredLensFromFile)
     steps = (-Y_DISPLACEMENT_MM, Y_DISPLACEMENT_MM) if given else (math.copysign(Y_DISPLACEMENT_MM, y_mm),)
     responses = [response_at(with_deviations(sensor, {"emitter.y_mm": step}), [off_deg]) for step in steps]
     displaced = min(responses, key=lambda response: abs(float(response.contrast[0])) * response.received_share)

@@ -90,7 +90,7 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = DEFAULT_RAYS, *,
     flat = in_plane(sensor)
     body = flat.body(angle_deg)
     scene = flat.scene(angle_deg, rays)
-    traced = trace(scene, "power" if split else "count", Limits(min_weight=MIN_POWER), legs=True, threads=1)
+    traced = trace(scene, "power" if split else "count", Limits(min_weight=MIN_POWER), segments=True, threads=1)
     receivers = [interface.receiver for interface in scene.interfaces]
     names = tuple(dict.fromkeys(name for name in receivers if name))
     faces = [(face.name, face.curve.flattened(CHORD_MM)) for face in (*body.all_faces, *body.separate)]
@@ -129,16 +129,16 @@ def _chip(body: Body, width_mm: float) -> FloatArray:
 
 def _segments(traced: Trace, receiver: list[int], receivers: int, rays: int) -> FloatArray:
     """Return the segments of a trace, each with the end of its ray; escaping segments have a length of 1 mm."""
-    legs = traced.legs
-    if legs is None or len(legs) == 0:
+    segments = traced.segments
+    if segments is None or len(segments) == 0:
         return np.zeros((0, 6))
-    first = np.flatnonzero((np.diff(legs["ray"], prepend=-1) != 0) | (np.diff(legs["branch"], prepend=-1) != 0))
-    last = np.append(first[1:], len(legs)) - 1
-    receiver_index = np.array([*receiver, -1])[legs["interface"][last]]
-    fate = np.where(legs["fate"][last] == GOES_ON, TRUNCATED, legs["fate"][last])
+    first = np.flatnonzero((np.diff(segments["ray"], prepend=-1) != 0) | (np.diff(segments["branch"], prepend=-1) != 0))
+    last = np.append(first[1:], len(segments)) - 1
+    receiver_index = np.array([*receiver, -1])[segments["interface"][last]]
+    fate = np.where(segments["fate"][last] == GOES_ON, TRUNCATED, segments["fate"][last])
     ray_end = np.where(fate == DETECTED, receiver_index, fate - DETECTED - 1 + receivers)
-    length = np.where(np.isfinite(legs["length_mm"]), legs["length_mm"], 1.0)
-    start = np.column_stack([legs["x_mm"], legs["z_mm"]])
-    segment_end = start + length[:, None] * np.column_stack([legs["dx"], legs["dz"]])
-    power = (legs["power_s"] + legs["power_p"]) * rays
+    length = np.where(np.isfinite(segments["length_mm"]), segments["length_mm"], 1.0)
+    start = np.column_stack([segments["x_mm"], segments["z_mm"]])
+    segment_end = start + length[:, None] * np.column_stack([segments["dx"], segments["dz"]])
+    power = (segments["power_s"] + segments["power_p"]) * rays
     return np.column_stack([start, segment_end, power, np.repeat(ray_end, last - first + 1)])

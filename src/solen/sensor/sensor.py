@@ -27,9 +27,9 @@ from solen.spec import Design, load, with_values
 from solen.spec.body import SHAPE_KEYS
 from solen.spec.placed import lit, state_of, states
 from solen.trace import Derivative, Mode, Slope, Trace, integrate, trace
-from solen.trace.adaptive import default_tolerance, why_not
+from solen.trace.adaptive import default_tolerance, integration_obstacle
 from solen.trace.chunks import Sampling
-from solen.trace.nets import by_nets
+from solen.trace.nets import integrate_by_nets
 
 MAX_SAMPLED = 2**19
 """Largest number of sampled rays."""
@@ -49,7 +49,7 @@ class TraceKeywords(TypedDict, total=False):
     precision: Literal["double", "single"]
     position_bins: int
     angle_bins: int
-    legs: bool
+    segments: bool
     device: Literal["cpu", "cuda"]
     threads: int | None
     progress: Callable[[int], None] | None
@@ -244,7 +244,7 @@ class Sensor:
         """Trace at an angle, by default in the design's mode and with its number of rays.
 
         The options are those of `solen.trace.trace`: ``sampling``, ``seed``, ``precision``, ``position_bins``,
-        ``angle_bins``, ``legs``, ``device``, ``threads``, ``progress``.
+        ``angle_bins``, ``segments``, ``device``, ``threads``, ``progress``.
         """
         return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, **options)
 
@@ -308,7 +308,7 @@ class Sensor:
         This is used for light scattered at random, and if `integrate` fails. Return also the largest standard error,
         which exceeds ``tolerance`` if `MAX_SAMPLED` rays do not suffice; ``reached`` is then False.
         """
-        sampled = by_nets(self.scene(angle_deg), tolerance, most_rays=MAX_SAMPLED)
+        sampled = integrate_by_nets(self.scene(angle_deg), tolerance, max_rays=MAX_SAMPLED)
         return sampled, sampled.u_power
 
     @cached_property
@@ -402,7 +402,7 @@ class Sensor:
 
         Light that cannot be integrated, for example with random scatter, is sampled.
         """
-        cannot_integrate = bool(why_not(self.scene(angle_deg)))
+        cannot_integrate = bool(integration_obstacle(self.scene(angle_deg)))
         target = standard_error or (tolerance if cannot_integrate else None) or SAMPLED_TOLERANCE
         integrates = integrates and not cannot_integrate
         integrated = self.integrate(angle_deg, tolerance=tolerance) if integrates else None

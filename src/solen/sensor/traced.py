@@ -15,8 +15,8 @@ from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design, with_values
 from solen.trace import Convergence, Trace, convergence
-from solen.trace.described import Branch, branches, face_names
 from solen.trace.options import TraceOptions, check_paths, trace_with
+from solen.trace.scene_file import Branch, branches, face_names
 
 
 class DesignTrace(Trace, kw_only=True):

@@ -3,9 +3,9 @@
 Point sources are integrated over their launch angles as described in `solen.trace.cone`. An extended source is a row of
 point sources. The power that reaches a receiver is a continuous function of the position of the point source, with a
 kink wherever a jump in launch angle enters or leaves the cone. This function is also integrated by Gauss–Kronrod
-quadrature, halving the panel with the largest error until the sum of all errors is small. At a kink the two rules may
-agree by chance; every panel is therefore halved at least once, and the error of each half is taken to be at least a
-fraction of the change that the halving caused. The results for all wavelengths are added with their spectral weights.
+quadrature, with the panel of the largest error halved until the sum of all errors is small. At a kink the two rules may
+agree by chance; every panel is therefore halved at least once, and the error of each half is at least a fraction of the
+change that the halving caused. The results for all wavelengths are added with their spectral weights.
 """
 
 import math
@@ -26,39 +26,43 @@ from solen.trace.cone import COARSE, COARSE_TOLERANCE, RULE, Cone, Integral, wei
 from solen.trace.kernel import adapt
 from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import walls_of
-from solen.trace.kernel.prism import MORE_COLUMNS
+from solen.trace.kernel.prism import EXTRA_COLUMNS
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
-from solen.trace.nets import by_nets
+from solen.trace.nets import integrate_by_nets
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
 from solen.trace.space import LightInSpace
 from solen.trace.tables import Tables, compile_scene
 from solen.trace.tail import Tail
 
-INNER_SHARE, OUTER_SHARE = 0.2, 0.6
+POINT_FRACTION, POSITION_FRACTION = 0.2, 0.6
 """Fractions of the tolerance: for the integral at one position of a source, and for the integral over all positions."""
-MAX_PLACES = 3000
+MAX_POSITIONS = 3000
 """Maximum number of positions at which the integral is evaluated, per initial panel."""
-CHANGE_SHARE = 0.5
+CHANGE_FRACTION = 0.5
 """Minimum error of each half of a panel, as a fraction of the change caused by halving the panel."""
-MIN_SHARE = 0.01
-EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
+WEIGHT_FRACTION = 0.01
+"""Minimum weight of a branch, as a fraction of the tolerance."""
+EXACT_FRACTION, NEGLIGIBLE_FRACTION = 0.7, 0.02
 """Fractions of the tolerance: allotted to the exactly followed light if a tail is sampled, and the power below which a
-tail is too weak to be worth sampling.
+tail is not sampled.
 """
-MIN_LEGS, LEGS_TOLERANCE, MAX_LEGS = 1_000_000, 1e-4, 20_000_000
-"""Minimum number of ray segments, the tolerance to which it applies, and the maximum number. In between, the number of
-segments is proportional to the square root of 1/tolerance.
+MIN_SEGMENTS, SEGMENTS_TOLERANCE, MAX_SEGMENTS = 1_000_000, 1e-4, 20_000_000
+"""Limits of the number of ray segments at which an integration ends, and the tolerance down to which the lower one
+applies. In between, the number is proportional to the square root of 1/tolerance.
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Pairs of minimum weight and maximum number of interfaces met. Over one coordinate many branches can be followed; over
-several, the power of a trapped ray is chaotic, so sampling is more efficient.
+"""Pairs of minimum weight and maximum number of interfaces. Over one coordinate many branches can be followed; over
+several, the power of a trapped ray is chaotic, and sampling is more efficient.
 """
-ROUGH = 3e-5
-"""Tolerance at and above which light from an extended source may be sampled early."""
-TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 120_000_000, 120, 5, 10
+SAMPLING_TOLERANCE = 3e-5
+"""Tolerance at or above which the tail of an extended source is sampled from the last levels on."""
+MAX_TAIL_SEGMENTS, TAIL_FACTOR, LAST_FACTOR, MANY_HITS = 120_000_000, 120, 5, 10
+"""Maximum number of ray segments of a tail, absolute and relative to the limit of the integration; factor on that limit
+at the last levels, which have fewer interfaces than the last number.
+"""
 MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
 """Default power tolerances: for a point source in the plane at one wavelength, and for any other source."""
@@ -70,7 +74,7 @@ def integrate(
     tolerance: float = 1e-6,
     limits: Limits | None = None,
     *,
-    most_legs: int | None = None,
+    max_segments: int | None = None,
 ) -> Trace:
     """Integrate the power at each receiver over the angles, positions and wavelengths of the sources.
 
@@ -79,10 +83,10 @@ def integrate(
     scene
         The scene to integrate. Its sources must consist of points (fans, chips, emitters or ambient light); their ray
         counts have no effect. Nothing in the scene may scatter. In an extruded scene, emitters are integrated in space.
-        Monitors are not evaluated. Light through a lens whose walls are not vertical is integrated with nets; see
+        Monitors are not evaluated. Light through a lens that varies with height is integrated with nets; see
         `solen.trace.nets`.
     mode
-        ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption are included.
+        ``"count"`` or ``"power"``, as in `solen.trace.trace`.
     tolerance
         Maximum uncertainty of each power, as a fraction of the emitted power, from 1e-12 to 0.1. For an extended
         source, a tolerance of 1e-4 requires a few hundred points.
@@ -90,17 +94,17 @@ def integrate(
         When to stop following a branch exactly; by default the minimum weight is a hundredth of the tolerance. The
         remaining light is sampled, over at most ``max_hits`` interfaces (`solen.trace.tail`). If this does not reach
         the tolerance, less light is followed exactly and more is sampled.
-    most_legs
+    max_segments
         Number of ray segments per source point, and of samples, after which the integration ends, whatever its
-        uncertainty; in space this limit is five times as high if the uncertainty is close to the tolerance. By default
-        the limit rises as the tolerance falls. It also applies to nets, which in addition end after 2²¹ rays.
+        uncertainty; in space this limit is five times as high if the uncertainty is close to the tolerance. By default,
+        the limit is higher for lower tolerances. It also applies to nets, which have at most 2²¹ rays.
 
     Returns
     -------
     Trace
         With method ``"adaptive"``: the powers, a common error estimate, and whether this estimate is within the
-        tolerance. Light that is trapped for more than ``max_hits`` interfaces counts as truncated and contributes to
-        the uncertainty. With nets, the method is ``"sobol"`` and the uncertainties are standard errors.
+        tolerance. Light that is trapped for more than ``max_hits`` interfaces is truncated and contributes to the
+        uncertainty. With nets, the method is ``"sobol"``, and the uncertainties are standard errors.
 
     Raises
     ------
@@ -108,7 +112,7 @@ def integrate(
         For a beam or a list of rays, a cone of zero width, a scene that scatters, ambient light in space, or a
         tolerance that is out of range.
     """
-    return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs)[0]
+    return integrate_many((scene,), mode, tolerance, limits, max_segments=max_segments)[0]
 
 
 def integrate_many(
@@ -117,7 +121,7 @@ def integrate_many(
     tolerance: float = 1e-6,
     limits: Limits | None = None,
     *,
-    most_legs: int | None = None,
+    max_segments: int | None = None,
     threads: int | None = None,
 ) -> list[Trace]:
     """Apply `integrate` in parallel threads to many scenes, such as positions of a motion or variants of a design."""
@@ -126,25 +130,24 @@ def integrate_many(
         limit = f"must be from {MIN_TOLERANCE:g} to {MAX_TOLERANCE:g}"
         raise DesignError("tolerance", value=tolerance, limit=limit)
     if mode == "roulette":
-        raise DesignError("mode", value=mode, limit="adaptive integration requires mode count or power")
+        raise DesignError("mode", value=mode, limit="must be count or power for adaptive integration")
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    exact = limits or Limits(min_weight=MIN_SHARE * tolerance)
+    exact = limits or Limits(min_weight=WEIGHT_FRACTION * tolerance)
     lights = [None if scene.front is not None else Lights.of(scene, mode, exact) for scene in scenes]
-    side_by_side = len(scenes) > 1
+    net_threads = threads if len(scenes) == 1 else 1
 
-    def settled(scene: Scene, light: Lights | None) -> Trace:
+    def integral(scene: Scene, light: Lights | None) -> Trace:
         if light is not None:
-            return light.trace(tolerance, most_legs)
-        own = 1 if side_by_side else threads
-        return by_nets(scene, tolerance, mode, limits, most_legs=most_legs, threads=own)
+            return light.trace(tolerance, max_segments)
+        return integrate_by_nets(scene, tolerance, mode, limits, max_segments=max_segments, threads=net_threads)
 
     with ThreadPoolExecutor(threads) as pool:
-        return list((pool.map if side_by_side and threads > 1 else map)(settled, scenes, lights))
+        return list((pool.map if len(scenes) > 1 and threads > 1 else map)(integral, scenes, lights))
 
 
 class Points:
-    """Powers at each receiver for individual points of the only source in a scene.
+    """Powers at each receiver from single points of the only source in a scene.
 
     Parameters
     ----------
@@ -161,13 +164,13 @@ class Points:
 
     def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
         if len(scene.sources) != 1:
-            raise DesignError("sources", value=len(scene.sources), limit="the scene must have exactly one source")
-        limits = Limits(min_weight=MIN_SHARE * tolerance)
+            raise DesignError("number of sources", value=len(scene.sources), limit="must be 1")
+        limits = Limits(min_weight=WEIGHT_FRACTION * tolerance)
         self._light = Lights.of(scene, "power", limits).in_plane
         self._tolerance = tolerance
         self._receivers = len(scene.receivers)
 
-    def powers(self, places: Sequence[float]) -> np.ndarray:
+    def powers(self, positions: Sequence[float]) -> np.ndarray:
         """Return power fractions (n, receivers) for positions (n,) from 0 at the right end to 1 at the left end.
 
         Raises
@@ -176,22 +179,20 @@ class Points:
             If the tolerance is not reached at every position.
         """
         rows = []
-        for place in places:
-            found = self._light.point(float(place), self._tolerance, most_legs_for(self._tolerance))
-            if found.u > self._tolerance:
-                limit = (
-                    f"the light from a point must be integrated to {self._tolerance:g}, but its paths split too often"
-                )
-                raise DesignError("emitter", value=f"place {place:.4g}", limit=limit, remedy="trace a fan")
-            rows.append(found.share[: self._receivers])
+        for position in positions:
+            integral = self._light.point(float(position), self._tolerance, segment_limit(self._tolerance))
+            if integral.u > self._tolerance:
+                limit = f"the light must be integrated to {self._tolerance:g}, but its paths split too often"
+                raise DesignError("emitter position", value=position, limit=limit, remedy="trace a fan")
+            rows.append(integral.powers[: self._receivers])
         return np.array(rows).reshape(-1, self._receivers)
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A source in a compiled scene: a row of points, each emitting at all wavelengths.
+    """A source in a compiled scene: a row of points, each of which emits at all wavelengths.
 
-    ``family`` contains the properties common to all rays of the source; ``colours`` lists wavelength indices in the
+    ``family`` contains the properties common to all rays of the source; ``colours`` are indices of wavelengths in the
     tables, each with its fraction of the power.
     """
 
@@ -213,45 +214,58 @@ class Light:
             raise DesignError("cone_deg", value=0.0, limit="must be above 0 for integration")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
-        shares = (source.s_share, 1.0 - source.s_share)
+        polarisation = (source.s_share, 1.0 - source.s_share)
         family = Family(
-            0.0, 0.0, 0.0, *shares, colour=0, rules=rules, far=far_mm, low=0.0, high=0.0, base=1.0, slope=0.0, power=0.0
+            0.0,
+            0.0,
+            0.0,
+            *polarisation,
+            colour=0,
+            rules=rules,
+            escape_mm=far_mm,
+            low=0.0,
+            high=0.0,
+            base=1.0,
+            slope=0.0,
+            power=0.0,
         )
-        whole = math.fsum(weight for _, weight in source.spectrum)
-        colours = [(scene.wavelengths_nm.index(nm), weight / whole) for nm, weight in source.spectrum] or [(0, 1.0)]
+        total = math.fsum(weight for _, weight in source.spectrum)
+        colours = [(scene.wavelengths_nm.index(nm), weight / total) for nm, weight in source.spectrum] or [(0, 1.0)]
         return cls(source, tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
 
-    def cone(self, place: float = 0.5, colour: int = 0) -> Cone:
+    def cone(self, position: float = 0.5, colour: int = 0) -> Cone:
         """Return the cone of the point at a position from 0 to 1, at one wavelength."""
-        x, z, axis_deg = self.emission.at(place)
-        here = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
-        families = tuple(here._replace(**interval._asdict()) for interval in self.emission.intervals)
+        x, z, axis_deg = self.emission.at(position)
+        family = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
+        families = tuple(family._replace(**interval._asdict()) for interval in self.emission.intervals)
         return Cone(self.tables, self.ends, self.columns, families, self.emission.integral)
 
-    def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
+    def integral(self, tolerance: float, rules: Rules, max_segments: int) -> Integral:
         """Integrate over angles, positions and wavelengths."""
         light = replace(self, family=self.family._replace(rules=rules))
         if not self.emission.panels:
-            return light.point(0.5, tolerance, most_legs)
-        middle = light.point(0.5, INNER_SHARE * tolerance, most_legs)
+            return light.point(0.5, tolerance, max_segments)
+        middle = light.point(0.5, POINT_FRACTION * tolerance, max_segments)
         if middle.error + middle.gaps > tolerance:  # other positions will not reach the tolerance either
-            return middle._replace(share=0.0 * middle.share, gaps=1.0)
-        return over_places(
-            lambda place: light.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
-        )
+            return middle._replace(powers=0.0 * middle.powers, gaps=1.0)
+
+        def at(position: float) -> Integral:
+            return light.point(position, POINT_FRACTION * tolerance, max_segments)
+
+        return over_positions(at, self.emission.panels, tolerance)
 
     def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
-        """Minimum weights and maximum numbers of interfaces if it is not feasible to follow every branch exactly."""
-        return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
+        """Return minimum weights and maximum numbers of interfaces, for light that cannot all be followed exactly."""
+        return LAST_LEVELS if self.emission.panels and tolerance >= SAMPLING_TOLERANCE else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:
-        """Return the light beyond the limits, to be sampled; its rays are rays in space with zero elevation."""
-        f, nothing = self.family, np.empty(0)
+        """Return the light beyond the limits of the integration, which is sampled; its rays are in the plane y = 0."""
+        f, no_table = self.family, np.empty(0)
         family = FamilyInSpace(
-            f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.far, 1.0, 1.0, 1.0,
-            f.low, f.high, 0.0, nothing, nothing,
+            f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.escape_mm, 1.0, 1.0, 1.0,
+            f.low, f.high, 0.0, no_table, no_table,
         )  # fmt: skip
-        columns = self.columns - 2 + MORE_COLUMNS
+        columns = self.columns - 2 + EXTRA_COLUMNS
         return Tail(
             walls_of(self.tables),
             self.source,
@@ -260,31 +274,31 @@ class Light:
             lambda line: family._replace(colour=self.colours[line][0]),
         )
 
-    def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
+    def point(self, position: float, tolerance: float, max_segments: int) -> Integral:
         """Integrate over all wavelengths for the point at one position."""
-        integrals = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
+        integrals = [self.cone(position, colour).integral(tolerance, max_segments) for colour, _ in self.colours]
         return integrals[0] if len(integrals) == 1 else weighted_sum(integrals, [weight for _, weight in self.colours])
 
 
-def why_not(scene: Scene) -> str:
-    """Return the reason why a scene cannot be integrated, or an empty string if it can."""
+def integration_obstacle(scene: Scene) -> str:
+    """Return what prevents the integration of a scene, or an empty string if nothing does."""
     if scene.is_random:
         return "a scene that scatters"
     if scene.front is not None:
-        return "a lens whose cross-section varies with height"
+        return "a lens that varies with height"
     in_space = scene.extrusion is not None
     if in_space and any(interface.behaviour == "lens" for interface in scene.interfaces):
         return "an ideal lens in space"
-    others = [
+    unsupported = [
         type(source).__name__
         for source in scene.sources
         if source.emission() is None or (in_space and isinstance(source, Ambient))
     ]
-    return f"a source {others[0]}" if others else ""
+    return f"a source {unsupported[0]}" if unsupported else ""
 
 
 def is_extended(scene: Scene) -> bool:
-    """Whether the light comes from more than one point or contains several wavelengths."""
+    """Return whether the light comes from more than one point or contains several wavelengths."""
     emissions = [source.emission() for source in scene.sources]
     return len(emissions) > 1 or any(
         emission is None or emission.panels > 0 or len(source.spectrum) > 1
@@ -298,16 +312,16 @@ def default_tolerance(scene: Scene) -> float:
     return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE
 
 
-def most_legs_for(tolerance: float) -> int:
+def segment_limit(tolerance: float) -> int:
     """Return the number of ray segments after which an integration to this tolerance ends."""
-    return int(min(MIN_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), MAX_LEGS))
+    return int(min(MIN_SEGMENTS * math.sqrt(max(SEGMENTS_TOLERANCE / tolerance, 1.0)), MAX_SEGMENTS))
 
 
-def cause(found: Integral) -> str:
-    """Return the reason why the uncertainty is not smaller."""
-    if found.unfinished > found.error + found.gaps:
-        return f"{found.unfinished:.1e} of the light meets more than max_hits interfaces; raise max_hits"
-    return "light is trapped or split too often; choose a larger tolerance or allow more ray segments"
+def cause(integral: Integral) -> str:
+    """Return why the uncertainty is not smaller, and the remedy."""
+    if integral.unfinished > integral.error + integral.gaps:
+        return f"{integral.unfinished:.1e} of the light meets more than max_hits interfaces; increase max_hits"
+    return "light is trapped or split too often; increase the tolerance or max_segments"
 
 
 class Panel(NamedTuple):
@@ -317,35 +331,35 @@ class Panel(NamedTuple):
     """quadrature error over the positions alone"""
     low: float
     high: float
-    found: Integral
+    integral: Integral
 
 
-def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) -> Integral:
+def over_positions(at: Callable[[float], Integral], panels: int, tolerance: float) -> Integral:
     """Integrate ``at`` over positions from 0 to 1, always halving the panel with the largest error."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
-    points, most = panels * len(rule.nodes), MAX_PLACES * panels
-    while points < most and math.fsum(panel.error for panel in done) > OUTER_SHARE * tolerance:
-        if math.fsum(panel.found.error + panel.found.gaps for panel in done) > tolerance:
+    points, limit = panels * len(rule.nodes), MAX_POSITIONS * panels
+    while points < limit and math.fsum(panel.error for panel in done) > POSITION_FRACTION * tolerance:
+        if math.fsum(panel.integral.error + panel.integral.gaps for panel in done) > tolerance:
             break  # halving panels would not help
-        worst = max(range(len(done)), key=lambda i: done[i].error)
-        panel = done.pop(worst)
+        panel = done.pop(max(range(len(done)), key=lambda i: done[i].error))
         middle = 0.5 * (panel.low + panel.high)
         halves = (_panel(at, rule, panel.low, middle), _panel(at, rule, middle, panel.high))
-        change = float(np.max(np.abs(panel.found.share - halves[0].found.share - halves[1].found.share)))
-        done.extend(half._replace(error=max(half.error, CHANGE_SHARE * change)) for half in halves)
+        change = panel.integral.powers - halves[0].integral.powers - halves[1].integral.powers
+        min_error = CHANGE_FRACTION * float(np.max(np.abs(change)))
+        done.extend(half._replace(error=max(half.error, min_error)) for half in halves)
         points += 2 * len(rule.nodes)
-    integral = weighted_sum([panel.found for panel in done], [1.0] * len(done))
+    integral = weighted_sum([panel.integral for panel in done], [1.0] * len(done))
     return integral._replace(error=integral.error + math.fsum(panel.error for panel in done))
 
 
 def _panel(at: Callable[[float], Integral], rule: adapt.Rule, low: float, high: float) -> Panel:
     """Apply Gauss–Kronrod quadrature to one interval of positions."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    panel = [at(middle + half * node) for node in rule.nodes.tolist()]
-    values = np.array([place.share for place in panel])
+    integrals = [at(middle + half * node) for node in rule.nodes.tolist()]
+    values = np.array([integral.powers for integral in integrals])
     error = half * float(np.max(np.abs((rule.kronrod - rule.gauss) @ values)))
-    return Panel(error, low, high, weighted_sum(panel, (half * rule.kronrod).tolist()))
+    return Panel(error, low, high, weighted_sum(integrals, (half * rule.kronrod).tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,9 +374,9 @@ class Lights:
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
         """Compile a scene; raise `DesignError` as in `integrate`."""
-        if why := why_not(scene):
-            limit = "requires the same outline at all heights, no random scattering, and sources made of points"
-            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it with sampling sobol")
+        if obstacle := integration_obstacle(scene):
+            limit = f"does not support {obstacle}"
+            raise DesignError("adaptive integration", limit=limit, remedy="trace the scene with sampling sobol")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         in_space = scene.extrusion is not None
@@ -380,7 +394,7 @@ class Lights:
 
     @property
     def has_tails(self) -> bool:
-        """Whether the remaining light can be sampled; an ideal lens prevents this."""
+        """Whether tails can be sampled; an ideal lens prevents this."""
         return all(interface.behaviour != "lens" for interface in self.scene.interfaces)
 
     @property
@@ -388,32 +402,29 @@ class Lights:
         """The first source of a planar scene."""
         light = self.each[0]
         if isinstance(light, LightInSpace):
-            raise DesignError(
-                "source", value="in space", limit="is available only in the plane", remedy="leave it flat"
-            )
+            raise DesignError("emitter in space", limit="is not supported here", remedy="omit extrusion")
         return light
 
-    def trace(self, tolerance: float, most_legs: int | None = None) -> Trace:
+    def trace(self, tolerance: float, max_segments: int | None = None) -> Trace:
         """Integrate over all sources."""
-        legs = most_legs_for(tolerance) if most_legs is None else most_legs
-        return self.trace_of([self._followed(light, tolerance, legs) for light in self.each], tolerance)
+        segments = segment_limit(tolerance) if max_segments is None else max_segments
+        return self.trace_of([self._followed(light, tolerance, segments) for light in self.each], tolerance)
 
-    def _followed(self, light: Light | LightInSpace, tolerance: float, most_legs: int) -> Integral:
-        """Integrate one source and its tail at successive levels up to the tolerance, or return the best result."""
+    def _followed(self, light: Light | LightInSpace, tolerance: float, max_segments: int) -> Integral:
+        """Integrate one source and its tail, level by level until the tolerance is reached; return the best result."""
         best: Integral | None = None
         for weight, hits in ((0.0, self.rules.max_hits), *light.levels(tolerance)):
             if hits > self.rules.max_hits or 0.0 < weight <= self.rules.min_weight:
                 continue
             rules = self.rules._replace(min_weight=max(weight, self.rules.min_weight), max_hits=hits)
-            share, effort = (1.0, 1) if best is None else (EXACT_SHARE, LAST_EFFORT if hits < MANY_HITS else 1)
-            found = light.integral(share * tolerance, rules, effort * most_legs)
-            within = found.error + found.gaps <= tolerance or (hits < MANY_HITS and found.gaps < 1.0)
-            if found.unfinished > NEGLIGIBLE * tolerance and within and self.has_tails:
-                left = max(math.sqrt(max(tolerance**2 - found.error**2, 0.0)) - found.gaps, 0.5 * tolerance)
-                found = light.tail(rules).added(
-                    found, left, self.rules.max_hits, min(TAIL_LEGS, TAIL_SHARE * most_legs)
-                )
-            best = found if best is None or found.u < best.u else best
+            fraction, factor = (1.0, 1) if best is None else (EXACT_FRACTION, LAST_FACTOR if hits < MANY_HITS else 1)
+            integral = light.integral(fraction * tolerance, rules, factor * max_segments)
+            within = integral.error + integral.gaps <= tolerance or (hits < MANY_HITS and integral.gaps < 1.0)
+            if integral.unfinished > NEGLIGIBLE_FRACTION * tolerance and within and self.has_tails:
+                rest = max(math.sqrt(max(tolerance**2 - integral.error**2, 0.0)) - integral.gaps, 0.5 * tolerance)
+                tail_segments = min(MAX_TAIL_SEGMENTS, TAIL_FACTOR * max_segments)
+                integral = light.tail(rules).completed(integral, rest, self.rules.max_hits, tail_segments)
+            best = integral if best is None or integral.u < best.u else best
             if best.u <= tolerance:
                 break
         if best is None:
@@ -423,30 +434,30 @@ class Lights:
     def trace_of(self, integrals: Sequence[Integral], tolerance: float) -> Trace:
         """Combine the integrals of all sources into a trace."""
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
-        whole = integrals[0] if len(integrals) == 1 else weighted_sum(integrals, weights)
-        *detected, escaped, absorbed = (float(value) for value in whole.share)
+        total = integrals[0] if len(integrals) == 1 else weighted_sum(integrals, weights)
+        *detected, escaped, absorbed = (float(value) for value in total.powers)
         truncated = max(1.0 - math.fsum(detected) - escaped - absorbed, 0.0)  # the gaps and the truncated light
-        rays, legs, undefined, pieces = (int(count) for count in whole.counts)
-        by_source = np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)])
-        why = f"{rays} rays reach an uncertainty of {whole.u:.1e} instead of {tolerance:g}: {cause(whole)}"
+        rays, segments, undefined, pieces = (int(count) for count in total.counts)
+        by_source = np.array([weight * integral.powers for integral, weight in zip(integrals, weights, strict=True)])
+        why = f"{rays} rays reach an uncertainty of {total.u:.1e} instead of {tolerance:g}: {cause(total)}"
         return Trace(
             mode=self.mode,
             method="adaptive",
             rays=rays,
             detectors={
-                name: Detected(power, whole.u, rays, tuple(by_source[:, i].tolist()))
+                name: Detected(power, total.u, rays, tuple(by_source[:, i].tolist()))
                 for i, (name, power) in enumerate(zip(self.scene.receivers, detected, strict=True))
             },
             monitors={},
             ledger=Ledger(math.fsum(detected), escaped, absorbed, truncated),
-            u_ledger=Ledger(max(len(detected), 1) * whole.u, whole.u, whole.u, whole.u),
-            hits=legs,
+            u_ledger=Ledger(max(len(detected), 1) * total.u, total.u, total.u, total.u),
+            hits=segments,
             undefined=undefined,
-            missed=whole.missed,
-            leaked=whole.leaked,
-            u_missed=whole.u,
-            u_leaked=whole.u,
+            missed=total.missed,
+            leaked=total.leaked,
+            u_missed=total.u,
+            u_leaked=total.u,
             pieces=pieces,
-            reached=whole.u <= tolerance,
-            why="" if whole.u <= tolerance else why,
+            reached=total.u <= tolerance,
+            why="" if total.u <= tolerance else why,
         )

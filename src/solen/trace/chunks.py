@@ -1,7 +1,7 @@
-"""The data of a trace job, and its division into chunks of rays.
+"""A trace job, and the division of its rays into chunks.
 
-The chunk size does not depend on the machine. The rays are divided into *groups*, each of which gives an estimate: the
-rays of a lattice with even and with odd numbers, or sixteen independent samples.
+The size of a chunk does not depend on the machine. The rays are divided into *groups*, each of which gives an estimate
+of the powers: the even and the odd rays of a lattice, or sixteen independent samples.
 """
 
 import math
@@ -43,7 +43,7 @@ class Job:
     seed: int = 0
     position_bins: int = 0
     angle_bins: int = 0
-    legs: bool = False
+    segments: bool = False
     device: Device = "cpu"
 
     @classmethod
@@ -52,14 +52,14 @@ class Job:
         return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
     def groups(self, source: Source) -> int:
-        """Number of independent estimates into which the rays of a source are divided."""
+        """Return the number of groups into which the rays of a source are divided."""
         regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
         return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Every ``step``-th ray from ``first`` on, of one source and one group; rays are numbered over all sources."""
+    """Rays of one source and one group: every ``step``-th from ``first`` on, numbered over all sources."""
 
     source: int
     group: int
@@ -68,46 +68,46 @@ class Chunk:
     launch: Launch
 
 
-def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
-    """Yield functions that create the chunks, by source and group, each with at most ``most`` rays."""
-    before, in_space = 0, job.scene.extrusion is not None
-    for number, source in enumerate(job.scene.sources):
+def chunks(job: Job, max_rays: int) -> Iterator[Callable[[], Chunk]]:
+    """Yield functions that create the chunks, by source and group, each with at most ``max_rays`` rays."""
+    offset, in_space = 0, job.scene.extrusion is not None
+    for index, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
-            yield from _of_a_fan(source, number, before, job.groups(source), most, in_space)
-            before += source.rays
+            yield from _fan_chunks(source, index, offset, job.groups(source), max_rays, in_space)
+            offset += source.rays
         else:
-            each = _sample_size(source)
-            yield from _of_a_sample(source, number, before, each, job.seed, most, in_space)
-            before += REPLICATES * each
+            sample_size = _sample_size(source)
+            yield from _sample_chunks(source, index, offset, sample_size, job.seed, max_rays, in_space)
+            offset += REPLICATES * sample_size
 
 
-def _of_a_fan(
-    source: Source, number: int, before: int, groups: int, most: int, in_space: bool
+def _fan_chunks(
+    source: Source, index: int, offset: int, groups: int, max_rays: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
     def make(first: int, stop: int, group: int) -> Chunk:
         numbers = np.arange(first, stop, groups, dtype=float)
-        return Chunk(number, group, before + first, groups, source.launch(numbers, in_space))
+        return Chunk(index, group, offset + first, groups, source.launch(numbers, in_space))
 
     for group in range(groups):
-        for first in range(group, source.rays, most * groups):
-            yield partial(make, first, min(first + most * groups, source.rays), group)
+        for first in range(group, source.rays, max_rays * groups):
+            yield partial(make, first, min(first + max_rays * groups, source.rays), group)
 
 
 def _sample_size(source: Source) -> int:
-    """Number of rays in each replicate: a power of two, for which Sobol' points are balanced."""
+    """Return the number of rays in each replicate: a power of two, for which Sobol' points are balanced."""
     return 1 << math.ceil(math.log2(max(source.rays / REPLICATES, 1.0)))
 
 
-def _of_a_sample(
-    source: Source, number: int, before: int, each: int, seed: int, most: int, in_space: bool
+def _sample_chunks(
+    source: Source, index: int, offset: int, sample_size: int, seed: int, max_rays: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
     def make(draw: Callable[[int, int], FloatArray], start: int, group: int) -> Chunk:
-        launch = source.launch_at(draw(start, min(start + most, each)), REPLICATES * each, in_space)
-        return Chunk(number, group, before + group * each + start, 1, launch)
+        launch = source.launch_at(draw(start, min(start + max_rays, sample_size)), REPLICATES * sample_size, in_space)
+        return Chunk(index, group, offset + group * sample_size + start, 1, launch)
 
     for group in range(REPLICATES):
-        draw = sample(source.dimensions(in_space), (seed, number, group))
-        for start in range(0, each, most):
+        draw = sample(source.dimensions(in_space), (seed, index, group))
+        for start in range(0, sample_size, max_rays):
             yield partial(make, draw, start, group)
 
 
@@ -126,14 +126,14 @@ def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
     launch, flat = chunk.launch, rows_of(job, chunk)
     if launch.y_mm is None or launch.dy is None:
         raise AssertionError("rays of an extruded scene are launched in space")
-    nothing = np.zeros(len(launch.x_mm))
+    zeros = np.zeros(len(launch.x_mm))
     behind = launch.behind
-    more = (nothing, nothing, nothing) if behind is None else (behind.cr, behind.ci, behind.optical_path_mm)
-    return RowsInSpace(flat.x, launch.y_mm, flat.z, flat.dx, launch.dy, flat.dz, flat.s, flat.p, *more, flat.colour)
+    extra = (zeros, zeros, zeros) if behind is None else (behind.cr, behind.ci, behind.optical_path_mm)
+    return RowsInSpace(flat.x, launch.y_mm, flat.z, flat.dx, launch.dy, flat.dz, flat.s, flat.p, *extra, flat.colour)
 
 
 def rules_of(job: Job, chunk: Chunk) -> Rules:
     """Return the propagation rules for the rays of a chunk."""
-    least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
+    min_weight: Any = job.tables.shape.dtype.type(job.limits.min_weight)
     turbid = job.scene.is_turbid
-    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)
+    return Rules(SPLITTING[job.mode], min_weight, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)

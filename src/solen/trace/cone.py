@@ -1,21 +1,22 @@
 """One point of a source, whose rays form a one-parameter family, integrated over the launch angle.
 
 The power at a receiver is a function of the launch angle alone. It is smooth wherever neighbouring rays meet the same
-interfaces, with jumps in between. The cone is therefore cut into *pieces*, within which all rays have the same tree of
-hits, and each piece is integrated by Gauss–Kronrod quadrature, weighted by the intensity. If the emission pattern has
-corners, the cone is first cut at these.
+interfaces, with jumps in between. The cone is therefore divided into *pieces*, within which all rays have the same tree
+of hits, and each piece is integrated by Gauss–Kronrod quadrature, weighted by the intensity. If the emission pattern
+has corners, the cone is first divided at these.
 
-Equal trees at both ends of an interval prove nothing, because a narrow bundle of other rays may lie in between.
+Equal trees at both ends of an interval are not sufficient, because a narrow bundle of other rays may lie in between.
 Whatever separates two neighbouring rays must begin somewhere: at an end of a curve, or on a curve that lies entirely
-between them. An interval is therefore *whole* only if no curve end lies inside the beam spanned by its two rays, on any
-of their segments, or next to a curved face between the points where they meet it. Beyond a caustic two rays need not
-span the beam between them, so this is not a proof, and the uncertainty is an estimate. An interval that is not whole is
-halved until its parts are whole or too narrow to matter; the total width of these gaps, times the full power of a ray,
-contributes to the uncertainty. A piece is cut again if a quadrature node turns out to have another tree.
+between them. An interval is therefore *resolved* only if no curve end lies inside the beam spanned by its two rays, on
+any of their segments, or next to a curved face between the points where they meet it. Beyond a caustic two rays need
+not span the beam between them, so this is not a proof, and the uncertainty is an estimate. An interval that is not
+resolved is halved until its parts are resolved or too narrow to matter; the total width of these gaps, times the full
+power of a ray, contributes to the uncertainty. A piece is divided again if a quadrature node turns out to have another
+tree.
 
-Bisection of the jumps is common to all adaptive integrators; the quadrature is the (7, 15) pair of Kronrod (1965) as
-tabulated in QUADPACK, which is also the source of the error estimate (Piessens et al., 1983). All of this is compiled:
-see `solen.trace.kernel.tree` and `solen.trace.kernel.adapt`.
+The quadrature is the (7, 15) pair of Kronrod (1965) as tabulated in QUADPACK, which is also the source of the error
+estimate (Piessens et al., 1983). All of this is compiled: see `solen.trace.kernel.tree` and
+`solen.trace.kernel.adapt`.
 """
 
 import math
@@ -28,7 +29,7 @@ import numpy as np
 
 from solen.trace.kernel import adapt
 from solen.trace.kernel.rows import Precision
-from solen.trace.kernel.tree import LEG_COLUMNS, STACK, Family
+from solen.trace.kernel.tree import SEGMENT_COLUMNS, STACK, Family
 from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
 from solen.trace.tables import Tables
 
@@ -37,18 +38,20 @@ FIRST_INTERVALS, MIN_INTERVALS = 64, 4
 pattern.
 """
 MIN_WIDTH_DEG = 1e-11
-"""Width of the narrowest interval that is cut: over a few mm, it corresponds to the distance
-`solen.curve.END_TOLERANCE_MM` within which a corner is undecided.
+"""Width of the narrowest interval that is divided: over a few mm, it corresponds to `solen.curve.END_TOLERANCE_MM`, by
+which curves extend beyond their ends.
 """
-GAP_SHARE = 0.01
-"""Width below which a gap is initially not cut further, as a fraction of the tolerance times the cone."""
-MAX_LEGS = 200_000
-MAX_LEGS_AGAIN = 20_000_000
-"""Number of ray segments after which pieces count as lost; bisection of each edge takes about eighty rays."""
-SLIVER = 1e-10
-"""Pieces narrower than this fraction of the cone result from extending curves beyond their ends, and are ignored."""
-NEW_GAPS = 1e-11
-"""The pieces count as located again if the gaps between them grow by no more than this fraction of the cone."""
+GAP_FRACTION = 0.01
+"""Width below which a gap is initially not divided further, as a fraction of the tolerance times the cone."""
+MAX_SEGMENTS = 200_000
+MAX_MOVED_SEGMENTS = 20_000_000
+"""Number of ray segments after which the search for moved pieces is abandoned; the bisection of an edge takes about
+eighty rays.
+"""
+MIN_PIECE = 1e-10
+"""Fraction of the cone below which pieces are ignored: they result from the extension of curves beyond their ends."""
+MAX_NEW_GAPS = 1e-11
+"""Largest increase of the gaps between moved pieces, as a fraction of the cone, for all to be considered located."""
 
 # Nodes in [−1, 1] and weights of the Kronrod rule; the Gauss rule uses every second node.
 _HALF_NODES = (
@@ -91,15 +94,13 @@ COARSE = adapt.Rule(
     np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0]),
 )
 COARSE_TOLERANCE = 1e-5
-"""Tolerance at and above which the smaller rule is used for positions and angles: it locates kinks with fewer
-points.
-"""
+"""Tolerance at or above which the smaller rule is used for positions and angles: it needs fewer points near kinks."""
 DOUBLE = Precision.of(np.float64)
-MAX_SAMPLES, MAX_KEPT_LEGS, MAX_PENDING = 1 << 15, 1 << 22, 256
+MAX_SAMPLES, MAX_STORED_SEGMENTS, MAX_PENDING = 1 << 15, 1 << 22, 256
 
 
 class Parts(NamedTuple):
-    """Pieces and parts of a cone after integration, given by the angles of their ends in radians from the axis."""
+    """Pieces and parts of a cone after integration: the angles of their ends in radians from the axis, and trees."""
 
     low: np.ndarray
     high: np.ndarray
@@ -109,26 +110,26 @@ class Parts(NamedTuple):
     part_of: np.ndarray
 
     @classmethod
-    def of(cls, pieces: adapt.Pieces, many: int, parts: int, sliver: float) -> "Parts":
-        """Copy the first ``many`` pieces and ``parts`` parts, omitting pieces narrower than ``sliver``."""
-        wide = pieces.high[:many] - pieces.low[:many] > sliver
-        kept = wide[pieces.part_of[:parts]]
-        number = np.cumsum(wide) - 1
-        low, high, tree = (column[:many][wide] for column in (pieces.low, pieces.high, pieces.tree))
-        part_low, part_high = (column[:parts][kept] for column in (pieces.part_low, pieces.part_high))
-        return cls(low, high, tree, part_low, part_high, number[pieces.part_of[:parts][kept]])
+    def of(cls, pieces: adapt.Pieces, count: int, parts: int, min_width: float) -> "Parts":
+        """Return copies of ``count`` pieces and ``parts`` parts, without pieces narrower than ``min_width``."""
+        wide = pieces.high[:count] - pieces.low[:count] > min_width
+        of_wide = wide[pieces.part_of[:parts]]
+        index = np.cumsum(wide) - 1
+        low, high, tree = (column[:count][wide] for column in (pieces.low, pieces.high, pieces.tree))
+        part_low, part_high = (column[:parts][of_wide] for column in (pieces.part_low, pieces.part_high))
+        return cls(low, high, tree, part_low, part_high, index[pieces.part_of[:parts][of_wide]])
 
 
 class Integral(NamedTuple):
     """Result of an integration.
 
-    ``share`` (D + 2,) is the power at each receiver, followed by the escaped and the absorbed power. ``missed`` and
-    ``leaked`` are the portions of the escaped power that, in space, passed above or below the bodies or left through
-    their top or bottom. ``error`` is the quadrature error and ``gaps`` the omitted power. All are fractions of the
-    source power. ``counts`` contains the numbers of rays, ray segments, undefined rays and pieces.
+    ``powers`` (D + 2,) are those at each receiver, followed by the escaped and the absorbed power. ``missed`` and
+    ``leaked`` are the parts of the escaped power that, in space, passed above or below the bodies or left through their
+    top or bottom. ``error`` is the quadrature error and ``gaps`` the omitted power. All are fractions of the source
+    power. ``counts`` contains the numbers of rays, ray segments, undefined rays and pieces.
     """
 
-    share: np.ndarray
+    powers: np.ndarray
     error: float
     gaps: float
     counts: np.ndarray
@@ -137,8 +138,8 @@ class Integral(NamedTuple):
 
     @property
     def missing(self) -> float:
-        """Power that was not detected, was not absorbed and did not escape."""
-        return max(1.0 - math.fsum(self.share.tolist()), 0.0)
+        """Power that was not detected, was not absorbed, and did not escape."""
+        return max(1.0 - math.fsum(self.powers.tolist()), 0.0)
 
     @property
     def unfinished(self) -> float:
@@ -147,7 +148,7 @@ class Integral(NamedTuple):
 
     @property
     def u(self) -> float:
-        """Uncertainty of each power: the quadrature error, plus the gaps or all missing power if that is more."""
+        """Uncertainty of each power: the quadrature error, plus the gaps or all missing power, whichever is larger."""
         return min(self.error + max(self.gaps, self.missing), 1.0)
 
 
@@ -155,7 +156,7 @@ def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Int
     """Return the weighted sum of integrals."""
     pairs = list(zip(integrals, weights, strict=True))
     return Integral(
-        share=np.sum([weight * part.share for part, weight in pairs], axis=0),
+        powers=np.sum([weight * part.powers for part, weight in pairs], axis=0),
         error=math.fsum(weight * part.error for part, weight in pairs),
         gaps=math.fsum(weight * part.gaps for part, weight in pairs),
         counts=np.sum([part.counts for part in integrals], axis=0),
@@ -168,63 +169,64 @@ def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Int
 class Cone:
     """One point of a source at one wavelength: its rays, in angle intervals over which their intensity is smooth.
 
-    ``whole`` is the integral of the intensity, ``columns`` the number of values per ray.
+    ``total`` is the integral of the intensity, ``columns`` the number of values per ray.
     """
 
     tables: Tables
     ends: np.ndarray
     columns: int
     families: tuple[Family, ...]
-    whole: float
+    total: float
 
-    def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Integral:
-        """Cut the cone into pieces and integrate them; append the pieces to ``parts`` if given."""
+    def integral(self, tolerance: float, max_segments: int, parts: list[Parts] | None = None) -> Integral:
+        """Divide the cone into pieces and integrate them; append the pieces to ``parts``, if given."""
         width = math.fsum(family.high - family.low for family in self.families)
-        found = [self._interval(family, width, tolerance, most_legs, parts) for family in self.families]
-        return found[0] if len(found) == 1 else weighted_sum(found, [1.0] * len(found))
+        integrals = [self._interval(family, width, tolerance, max_segments, parts) for family in self.families]
+        return integrals[0] if len(integrals) == 1 else weighted_sum(integrals, [1.0] * len(integrals))
 
     def _interval(
-        self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
+        self, family: Family, width: float, tolerance: float, max_segments: int, stored_parts: list[Parts] | None
     ) -> Integral:
-        """Integrate one interval of angles; return its contribution as a fraction of the source power."""
-        samples, pieces = buffers_of(most_legs, self.columns)
-        total, narrowest = np.zeros(self.columns), math.radians(MIN_WIDTH_DEG)
-        here = family.high - family.low
-        most = max(abs(family.base + family.slope * family.low), abs(family.base + family.slope * family.high))
-        density, share = 0.25 * tolerance * (self.whole / width), here / width
+        """Return the integral over one interval of angles, as a fraction of the source power."""
+        samples, pieces = buffers_of(max_segments, self.columns)
+        sums, narrowest = np.zeros(self.columns), math.radians(MIN_WIDTH_DEG)
+        interval = family.high - family.low
+        max_intensity = max(abs(family.base + family.slope * family.low), abs(family.base + family.slope * family.high))
+        density, fraction = 0.25 * tolerance * (self.total / width), interval / width
         error, gaps, parts = adapt.integrate_cone(
             DOUBLE, self.tables, family, samples, pieces, self.ends, RULE, density,
-            max(GAP_SHARE * tolerance * self.whole / most, narrowest), narrowest,
-            0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_INTERVALS * share), MIN_INTERVALS),
-            most_legs, np.zeros((len(NODES) + 1, self.columns)), total,
+            max(GAP_FRACTION * tolerance * self.total / max_intensity, narrowest), narrowest,
+            0.5 * tolerance * self.total * fraction / max_intensity,
+            max(math.ceil(FIRST_INTERVALS * fraction), MIN_INTERVALS), max_segments,
+            np.zeros((len(NODES) + 1, self.columns)), sums,
         )  # fmt: skip
-        if kept is not None:
-            kept.append(Parts.of(pieces, int(samples.counts[adapt.PIECES]), parts, SLIVER * here))
-        counts = samples.counts[[adapt.RAYS, adapt.ALL_LEGS, adapt.UNDEFINED, adapt.PIECES]]
-        return Integral(total / self.whole, error / self.whole, gaps * most / self.whole, counts)
+        if stored_parts is not None:
+            stored_parts.append(Parts.of(pieces, int(samples.counts[adapt.PIECES]), parts, MIN_PIECE * interval))
+        counts = samples.counts[[adapt.RAYS, adapt.ALL_SEGMENTS, adapt.UNDEFINED, adapt.PIECES]]
+        return Integral(sums / self.total, error / self.total, gaps * max_intensity / self.total, counts)
 
-    def again(self, before: Sequence[Parts]) -> np.ndarray | None:
-        """Return powers (D + 2,) of a slightly changed point over the same pieces; None if any cannot be located."""
-        total = np.zeros(self.columns)
-        for family, parts in zip(self.families, before, strict=True):
-            found = self._interval_again(family, parts)
-            if found is None:
+    def moved(self, parts_of_families: Sequence[Parts]) -> np.ndarray | None:
+        """Return the powers (D + 2,) of a slightly changed point over the same pieces; None if one is not located."""
+        sums = np.zeros(self.columns)
+        for family, parts in zip(self.families, parts_of_families, strict=True):
+            powers = self._moved_interval(family, parts)
+            if powers is None:
                 return None
-            total += found
-        return total / self.whole
+            sums += powers
+        return sums / self.total
 
-    def _interval_again(self, family: Family, parts: Parts) -> np.ndarray | None:
-        samples, pieces = buffers_of(MAX_LEGS, self.columns)
+    def _moved_interval(self, family: Family, parts: Parts) -> np.ndarray | None:
+        samples, pieces = buffers_of(MAX_SEGMENTS, self.columns)
         samples.counts[:] = 0
         for name in Parts._fields:
             getattr(pieces, name)[: len(getattr(parts, name))] = getattr(parts, name)
-        total, here = np.zeros(self.columns), family.high - family.low
-        gaps, found = adapt.integrate_again(
-            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MAX_LEGS_AGAIN,
-            np.zeros((len(NODES) + 1, self.columns)), total,
+        sums, interval = np.zeros(self.columns), family.high - family.low
+        gaps, located = adapt.reintegrate(
+            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MAX_MOVED_SEGMENTS,
+            np.zeros((len(NODES) + 1, self.columns)), sums,
         )  # fmt: skip
-        widths_before = here - float(np.sum(parts.high - parts.low))
-        return total if found and gaps <= widths_before + NEW_GAPS * here else None
+        widths_before = interval - float(np.sum(parts.high - parts.low))
+        return sums if located and gaps <= widths_before + MAX_NEW_GAPS * interval else None
 
 
 class _Buffers(threading.local):
@@ -237,46 +239,46 @@ class _Buffers(threading.local):
 _BUFFERS = _Buffers()
 
 
-def buffers_of(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
-    """Return the working memory of this thread, which the next call reuses."""
+def buffers_of(max_segments: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
+    """Return the working memory of this thread, which each call reuses."""
     by_size = _BUFFERS.by_size
-    if (most_legs, columns) not in by_size:
+    if (max_segments, columns) not in by_size:
         by_size.clear()
-        by_size[most_legs, columns] = _new_buffers(most_legs, columns)
-    return by_size[most_legs, columns]
+        by_size[max_segments, columns] = _new_buffers(max_segments, columns)
+    return by_size[max_segments, columns]
 
 
-def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
+def _new_buffers(max_segments: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
     """Allocate working memory; unused pages do not occupy physical memory."""
     n = MAX_SAMPLES
 
-    def whole() -> np.ndarray:
+    def ints() -> np.ndarray:
         return np.empty(n, np.int64)
 
-    def real() -> np.ndarray:
+    def floats() -> np.ndarray:
         return np.empty(n)
 
     samples = adapt.Samples(
-        angle=real(),
+        angle=floats(),
         tree=np.empty(n, np.uint64),
-        first=whole(),
-        many=whole(),
-        after=whole(),
-        whole=np.empty(n, np.bool_),
-        legs=np.empty((min(most_legs, MAX_KEPT_LEGS), LEG_COLUMNS)),
-        open=whole(),
+        first_segment=ints(),
+        segment_count=ints(),
+        following=ints(),
+        resolved=np.empty(n, np.bool_),
+        segments=np.empty((min(max_segments, MAX_STORED_SEGMENTS), SEGMENT_COLUMNS)),
+        pending=ints(),
         value=np.empty(columns),
         stack=np.empty((STACK, STACK_WIDTH)),
         counts=np.zeros(6, np.int64),
     )
     pieces = adapt.Pieces(
-        low=real(),
-        high=real(),
+        low=floats(),
+        high=floats(),
         tree=np.empty(n, np.uint64),
-        first=whole(),
-        part_low=real(),
-        part_high=real(),
-        part_of=whole(),
+        first=ints(),
+        part_low=floats(),
+        part_high=floats(),
+        part_of=ints(),
         waiting=np.empty((MAX_PENDING, 2)),
     )
     return samples, pieces

@@ -1,9 +1,10 @@
 """Convergence of each sampling method towards the power at the receivers, and the reliability of its uncertainty.
 
 A scene is traced with fans and with Sobol' samples of increasing ray counts, and integrated to decreasing tolerances.
-The error of each result is its difference from a reference value, which is adaptive integration to `TIGHT`. If that is
-impossible or does not reach the tolerance, the reference is the result with the smallest reported uncertainty among the
-last integral, a fan and a sample; this fan and sample have four times as many rays as the densest ones compared.
+The error of each result is its difference from a reference value, which is an adaptive integral to
+`REFERENCE_TOLERANCE`. If that is impossible or does not reach the tolerance, the reference is the result with the
+smallest reported uncertainty among the last integral, a fan and a sample; this fan and this sample have four times as
+many rays as the densest ones compared.
 """
 
 import math
@@ -22,16 +23,16 @@ from solen.trace.nets import with_rays
 from solen.trace.result import Limits, Method, Mode, Trace, check_mode
 
 MIN_RAYS, MAX_RAYS = 2**4, 2**18
-TIGHT = 1e-11
+REFERENCE_TOLERANCE = 1e-11
 """Tolerance of the reference value."""
 TOLERANCES = tuple(10.0**-k for k in range(1, 10))
-DENSER = 4
+REFERENCE_FACTOR = 4
 
 
 class Series(Result):
     """One sampling method: ray counts (N,), the largest power error at any receiver, and the reported uncertainty.
 
-    Powers are fractions of the emitted power; ``u_power`` is NaN if there are too few rays.
+    Both are fractions of the emitted power; ``u_power`` is NaN if there are too few rays.
     """
 
     method: Method
@@ -53,7 +54,7 @@ def convergence(
     mode: Mode = "power",
     limits: Limits | None = None,
     *,
-    most_rays: int = MAX_RAYS,
+    max_rays: int = MAX_RAYS,
     seed: int = 0,
 ) -> Convergence:
     """Compute the error as a function of the ray count for fans, Sobol' samples and adaptive integration.
@@ -66,7 +67,7 @@ def convergence(
         As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which is its expected value.
     limits
         When to stop following a ray; by default the limits of `solen.trace.trace` and `solen.trace.integrate`.
-    most_rays
+    max_rays
         Number of rays in the densest fan and sample, at least 16; the ray counts of the others are smaller by powers of
         two.
     seed
@@ -83,63 +84,61 @@ def convergence(
         For an unknown mode, too few rays, a scene without receivers, or a source that is a list of rays.
     """
     check_mode(mode)
-    check_count("most_rays", most_rays, MIN_RAYS)
+    check_count("max_rays", max_rays, MIN_RAYS)
     if not scene.receivers:
-        raise DesignError("convergence", value="no receiver", limit="the scene requires a receiver")
+        raise DesignError("convergence", limit="requires a scene with a receiver")
     if any(isinstance(source, Rays) for source in scene.sources):
-        raise DesignError(
-            "convergence", value="a list of rays", limit="the ray count of each source must be adjustable"
-        )
-    whole: Mode = "power" if mode == "roulette" else mode
-    found = list(_integrals(scene, whole, limits))
-    reference = _reference(scene, whole, limits, most_rays, found)
-    found = [one for one in found if one is not reference]
-    numbers = [most_rays >> k for k in range(int(math.log2(most_rays / MIN_RAYS)), -1, -1)]
-    scenes = [_with_rays(scene, rays) for rays in numbers]
+        raise DesignError("convergence", limit="does not support a source that is a list of rays")
+    reference_mode: Mode = "power" if mode == "roulette" else mode
+    integrals = list(_integrals(scene, reference_mode, limits))
+    reference = _reference(scene, reference_mode, limits, max_rays, integrals)
+    integrals = [integral for integral in integrals if integral is not reference]
+    ray_counts = [max_rays >> k for k in range(int(math.log2(max_rays / MIN_RAYS)), -1, -1)]
+    scenes = [_with_rays(scene, rays) for rays in ray_counts]
     fans = [trace(variant, mode, limits, seed=seed) for variant in scenes]
     samples = [trace(variant, mode, limits, sampling="sobol", seed=seed) for variant in scenes]
-    series = tuple(_series(reference, traces) for traces in (fans, samples, found) if traces)
+    series = tuple(_series(reference, traces) for traces in (fans, samples, integrals) if traces)
     return Convergence(mode, reference, series)
 
 
-def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, found: list[Trace]) -> Trace:
+def _reference(scene: Scene, mode: Mode, limits: Limits | None, max_rays: int, integrals: list[Trace]) -> Trace:
     """Return the most accurate available result: the last integral, or a denser fan or sample."""
-    if found and found[-1].u_power <= TIGHT:
-        return found[-1]
-    dense = _with_rays(scene, DENSER * most_rays)
-    others = [trace(dense, mode, limits), trace(dense, mode, limits, sampling="sobol")]
-    return min([*found[-1:], *others], key=lambda one: one.u_power)
+    if integrals and integrals[-1].u_power <= REFERENCE_TOLERANCE:
+        return integrals[-1]
+    dense = _with_rays(scene, REFERENCE_FACTOR * max_rays)
+    samples = [trace(dense, mode, limits), trace(dense, mode, limits, sampling="sobol")]
+    return min([*integrals[-1:], *samples], key=lambda result: result.u_power)
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Yield integrals to decreasing tolerances until one is not reached; none for a scene that can only be sampled."""
+    """Yield integrals to decreasing tolerances that are reached; none for a scene that can only be sampled."""
     if scene.front is not None:
         return
-    for tolerance in (*TOLERANCES, TIGHT):
+    for tolerance in (*TOLERANCES, REFERENCE_TOLERANCE):
         try:
-            found = integrate(scene, mode, tolerance, limits)
+            result = integrate(scene, mode, tolerance, limits)
         except DesignError:  # for example a beam, or a scene that scatters
             return
-        if not found.reached:
+        if not result.reached:
             return
-        yield found
+        yield result
 
 
 def _with_rays(scene: Scene, rays: int) -> Scene:
-    """Return the scene with this many rays, divided equally among its sources."""
+    """Return the scene with ``rays`` rays, divided equally among its sources."""
     return with_rays(scene, max(1, rays // len(scene.sources)))
 
 
-def _series(reference: Trace, result: list[Trace]) -> Series:
-    """Return trace errors by ray count; of traces with equal counts (samples round up), the last one is used."""
-    traces = list({run.rays: run for run in result}.values())
+def _series(reference: Trace, results: list[Trace]) -> Series:
+    """Return the errors by ray count; of results with equal counts (samples are rounded up), only the last is used."""
+    traces = list({traced.rays: traced for traced in results}.values())
 
-    def error(of: Trace) -> float:
-        return max(abs(of.detectors[name].power - it.power) for name, it in reference.detectors.items())
+    def error(traced: Trace) -> float:
+        return max(abs(traced.detectors[name].power - reading.power) for name, reading in reference.detectors.items())
 
     return Series(
         traces[0].method,
-        np.array([run.rays for run in traces]),
-        np.array([error(run) for run in traces]),
-        np.array([run.u_power for run in traces]),
+        np.array([traced.rays for traced in traces]),
+        np.array([error(traced) for traced in traces]),
+        np.array([traced.u_power for traced in traces]),
     )

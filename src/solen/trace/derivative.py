@@ -11,7 +11,7 @@ step, are extrapolated (Richardson), and their deviation bounds the error.
 The power from an extended source is smooth even if the power from each of its points is not. Simple differences of its
 integral therefore suffice, with larger steps; their error is that of the integral divided by the step. In space,
 neighbouring scenes are integrated over the same cells (`solen.trace.slopes`). Light that passes through a lens whose
-walls are not vertical, and light that is trapped in space, is sampled instead: both ends of each difference use the
+profile varies with height, and light that is trapped in space, is sampled instead: both ends of each difference use the
 same samples, and the difference is repeated several times.
 """
 
@@ -27,7 +27,7 @@ from solen.curve import check_numbers, check_range
 from solen.errors import DesignError, SolenError
 from solen.results import Result
 from solen.scene import Scene
-from solen.trace.adaptive import MIN_SHARE, Lights, is_extended
+from solen.trace.adaptive import WEIGHT_FRACTION, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.engine import trace
 from solen.trace.nets import with_rays
@@ -38,22 +38,22 @@ from solen.trace.space import LightInSpace
 TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
 RELATIVE_STEP, EXTENDED_STEP, CHIP_STEP = 2e-4, 1e-2, 2e-2
 MAX_HALVINGS = 6
-MAX_LEGS, SPACE_LEGS = 400_000, 15_000_000
+MAX_SEGMENTS, SPACE_SEGMENTS = 400_000, 15_000_000
 SEEDS, SAMPLES, MAX_DOUBLINGS = 8, 2**15, 4
 """For sampled light: number of independent differences, number of rays at each end of a difference, and maximum
 number of times that the step is doubled.
 """
-TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
+TRAPPED_SAMPLES, TRAPPED_ERROR, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
 """For trapped light: maximum number of rays at each end of a difference, accepted error as a fraction of the largest
-slope, weight below which light is not followed, and number of times that the step is doubled. With
-steps of 16 % of a refractive index, the true error was four times the reported one.
+slope, weight below which light is not followed, and maximum number of times that the step is doubled. With steps of
+16 % of a refractive index, the true error was four times the reported one.
 """
-CAUTION = 1.25
+SAFETY = 1.25
 """Safety factor on the standard error of the differences, because these are few and the step with the smallest error is
 chosen.
 """
-ROUGH = 1e-2
-"""Tolerance that light in space reaches immediately unless it is trapped."""
+TRAPPED_TOLERANCE = 1e-2
+"""Light in space is treated as trapped if its integral does not immediately reach this tolerance."""
 
 
 @dataclass(frozen=True)
@@ -124,125 +124,143 @@ def derivative(
     in_space = scene.extrusion is not None
     if tolerance is None:
         tolerance = TOLERANCE if point else SPACE_TOLERANCE if in_space else EXTENDED_TOLERANCE
-    exact = limits or Limits(min_weight=MIN_SHARE * tolerance)
+    exact = limits or Limits(min_weight=WEIGHT_FRACTION * tolerance)
 
-    def at(value: float) -> Lights:
+    def lights_at(value: float) -> Lights:
         return Lights.of(scene_at(value), mode, exact)
 
     if in_space:
-        rest = limits or Limits(min_weight=TRAPPED_WEIGHT)
-        return _in_space(at, value, step) or _of_samples(scene_at, value, step, mode, rest, TRAPPED_SAMPLES)
-    return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
+        trapped = limits or Limits(min_weight=TRAPPED_WEIGHT)
+        return _in_space(lights_at, value, step) or _of_samples(scene_at, value, step, mode, trapped, TRAPPED_SAMPLES)
+    return _of_a_point(lights_at, value, step, tolerance) if point else _of_integrals(lights_at, value, step, tolerance)
 
 
 NOISE = 1e-13
 """Rounding error of an integral over the same pieces."""
-At = Callable[[float], Lights]
+LightsAt = Callable[[float], Lights]
 
 
-def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivative:
+def _of_a_point(lights_at: LightsAt, value: float, step: float, tolerance: float) -> Derivative:
     """Differentiate for a point source at one wavelength, over pieces that are located again in each changed scene."""
-    lights = at(value)
+    lights = lights_at(value)
     parts: list[Parts] = []
-    base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MAX_LEGS, parts)], tolerance)
-    if not base.reached:
-        raise DesignError("derivative", value=base.why, limit=f"the integral must reach {tolerance:g}")
+    base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MAX_SEGMENTS, parts)], tolerance)
+    _check_tolerance(base, tolerance)
     names = lights.scene.receivers
     for _ in range(MAX_HALVINGS + 1):
-        wide = _difference(at, value, step, parts)
-        close = _difference(at, value, 0.5 * step, parts) if wide is not None else None
-        if wide is not None and close is not None:
-            return Derivative(_slopes(names, wide, close, NOISE / step), step, reached=True)
+        wide = _difference(lights_at, value, step, parts)
+        narrow = _difference(lights_at, value, 0.5 * step, parts) if wide is not None else None
+        if wide is not None and narrow is not None:
+            return Derivative(_slopes(names, wide, narrow, NOISE / step), step, reached=True)
         step *= 0.5
-    nothing = {name: Slope(math.nan, math.nan) for name in names}
+    unknown = {name: Slope(math.nan, math.nan) for name in names}
     why = f"the light paths change within {step:.1e} of {value:g}"
-    return Derivative(nothing, step, reached=False, why=why)
+    return Derivative(unknown, step, reached=False, why=why)
 
 
-def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
+def _check_tolerance(integral: Trace, tolerance: float) -> None:
+    if not integral.reached:
+        raise DesignError("derivative", limit=f"the integral must reach {tolerance:g}, but {integral.why}")
+
+
+def _difference(lights_at: LightsAt, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
     """Return the central difference of the powers, or None if a piece cannot be located again."""
     ends = []
     for sign in (1.0, -1.0):
-        powers = at(value + sign * step).in_plane.cone().again(parts)
+        powers = lights_at(value + sign * step).in_plane.cone().moved(parts)
         if powers is None:
             return None
         ends.append(powers)
     return np.asarray((ends[0] - ends[1]) / (2.0 * step))
 
 
-def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Derivative:
+def _of_integrals(lights_at: LightsAt, value: float, step: float, tolerance: float) -> Derivative:
     """Differentiate for extended sources and for several wavelengths, with differences of complete integrals."""
     differences, u = [], 0.0
-    for half in (step, 0.5 * step):
-        low, high = (at(value + sign * half).trace(tolerance, MAX_LEGS) for sign in (-1.0, 1.0))
+    for offset in (step, 0.5 * step):
+        low, high = (lights_at(value + sign * offset).trace(tolerance, MAX_SEGMENTS) for sign in (-1.0, 1.0))
         for end in (low, high):
-            if not end.reached:
-                raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
-        differences.append((_powers(high) - _powers(low)) / (2.0 * half))
-        u = (low.u_power + high.u_power) / (2.0 * half)
+            _check_tolerance(end, tolerance)
+        differences.append((_powers(high) - _powers(low)) / (2.0 * offset))
+        u = (low.u_power + high.u_power) / (2.0 * offset)
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], u), step, reached=True)
 
 
-def _in_space(at: At, value: float, step: float) -> Derivative | None:
+def _in_space(lights_at: LightsAt, value: float, step: float) -> Derivative | None:
     """Differentiate in space with a polynomial through integrals over the same cells; None if light is trapped."""
-    ends = [at(value + step * offset) for offset in OFFSETS]
+    ends = [lights_at(value + step * offset) for offset in OFFSETS]
     names, rules = ends[0].scene.receivers, ends[0].rules
-    best, bent, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
+    total, fit_difference, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
     for source, lights in zip(ends[0].scene.sources, zip(*(end.each for end in ends), strict=True), strict=True):
         in_space = [light for light in lights if isinstance(light, LightInSpace)]
-        if len(in_space) < len(lights) or in_space[0].integral(ROUGH, rules, MAX_LEGS).u > ROUGH:
+        if len(in_space) < len(lights):
+            return None
+        if in_space[0].integral(TRAPPED_TOLERANCE, rules, MAX_SEGMENTS).u > TRAPPED_TOLERANCE:
             return None
         weight = source.power / ends[0].scene.emitted
-        found = slopes(in_space, step, len(names), rules, SPACE_LEGS)
-        best, bent, u = best + weight * found.value, bent + weight * found.bent, u + weight * found.u
-    each = {name: Slope(float(best[i]), float(abs(bent[i]) + u)) for i, name in enumerate(names)}
+        of_source = slopes(in_space, step, len(names), rules, SPACE_SEGMENTS)
+        total = total + weight * of_source.value
+        fit_difference = fit_difference + weight * of_source.fit_difference
+        u = u + weight * of_source.u
+    each = {name: Slope(float(total[i]), float(abs(fit_difference[i]) + u)) for i, name in enumerate(names)}
     return Derivative(each, step, reached=True)
 
 
 def _of_samples(
-    scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None, most: int = 0
+    scene_at: Callable[[float], Scene],
+    value: float,
+    step: float,
+    mode: Mode,
+    limits: Limits | None,
+    max_samples: int = 0,
 ) -> Derivative:
     """Differentiate with differences of samples; their scatter between seeds gives the error.
 
     Both ends of a difference use the same sample points.
 
     A larger step has less noise, so the step is doubled as long as the noise exceeds the effect of the function's
-    curvature. Further samples are added at the best step, up to ``most`` at each end. The change of the truncated power
-    contributes to the uncertainty, because all of it might have reached a receiver.
+    curvature. If ``max_samples`` is specified, light is trapped: further samples, up to that number at each end, are
+    taken with the best step. The change of the truncated power contributes to the uncertainty, because all of it might
+    have reached a receiver.
     """
     names = scene_at(value).receivers
 
     def difference(step: float, samples: int) -> FloatArray:
         scenes = [with_rays(scene_at(value + sign * step), samples) for sign in (-1.0, 1.0)]
         low, high = (
-            np.array([_and_cut_off(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
+            np.array(
+                [
+                    _powers_and_truncated(trace(scene, mode, limits, sampling="sobol", seed=seed))
+                    for seed in range(SEEDS)
+                ]
+            )
             for scene in scenes
         )
         return np.asarray((high - low) / (2.0 * step))
 
     best: _Sampled | None = None
-    near = difference(0.5 * step, SAMPLES)
-    for doubled in range((TRAPPED_DOUBLINGS if most else MAX_DOUBLINGS) + 1):
+    narrow = difference(0.5 * step, SAMPLES)
+    for doublings in range((TRAPPED_DOUBLINGS if max_samples else MAX_DOUBLINGS) + 1):
         try:
-            far = difference(step * 2.0**doubled, SAMPLES)
+            wide = difference(step * 2.0**doublings, SAMPLES)
         except SolenError:
-            if doubled == 0:
+            if doublings == 0:
                 raise
             break
-        found = _Sampled.of(step * 2.0**doubled, near, far)
-        if best is None or np.max(found.u) < np.max(best.u):
-            best = found
-        if np.max(found.bent) > np.max(found.noise):
+        sampled = _Sampled.of(step * 2.0**doublings, narrow, wide)
+        if best is None or np.max(sampled.u) < np.max(best.u):
+            best = sampled
+        if np.max(sampled.curvature) > np.max(sampled.noise):
             break
-        near = far
+        narrow = wide
     if best is None:
         raise AssertionError("the first step is always evaluated")
     samples = 4 * SAMPLES
-    while samples <= most and np.max(best.u) > TRAPPED_SHARE * np.max(np.abs(best.value)):
-        best = _Sampled.of(best.step, *(difference(share * best.step, samples) for share in (0.5, 1.0)))
+    while samples <= max_samples and np.max(best.u) > TRAPPED_ERROR * np.max(np.abs(best.value)):
+        best = _Sampled.of(best.step, *(difference(factor * best.step, samples) for factor in (0.5, 1.0)))
         samples *= 4
-    cut_off = abs(float(best.value[-1]))
-    each = {name: Slope(float(best.value[i]), float(best.u[i]) + cut_off) for i, name in enumerate(names)}
+    truncated = abs(float(best.value[-1]))
+    each = {name: Slope(float(best.value[i]), float(best.u[i]) + truncated) for i, name in enumerate(names)}
     return Derivative(each, best.step, reached=True)
 
 
@@ -252,30 +270,30 @@ class _Sampled(NamedTuple):
     step: float
     value: FloatArray
     noise: FloatArray
-    bent: FloatArray
+    curvature: FloatArray
 
     @classmethod
-    def of(cls, step: float, near: FloatArray, far: FloatArray) -> "_Sampled":
-        each = (4.0 * near - far) / 3.0
-        noise, bent = CAUTION * each.std(axis=0, ddof=1) / math.sqrt(SEEDS), np.abs(np.mean(far - near, axis=0)) / 3.0
-        return cls(step, each.mean(axis=0), noise, bent)
+    def of(cls, step: float, narrow: FloatArray, wide: FloatArray) -> "_Sampled":
+        extrapolated = (4.0 * narrow - wide) / 3.0
+        noise = SAFETY * extrapolated.std(axis=0, ddof=1) / math.sqrt(SEEDS)
+        return cls(step, extrapolated.mean(axis=0), noise, np.abs(np.mean(wide - narrow, axis=0)) / 3.0)
 
     @property
     def u(self) -> FloatArray:
-        return np.asarray(self.noise + self.bent)
+        return np.asarray(self.noise + self.curvature)
 
 
-def _powers(found: Trace) -> FloatArray:
+def _powers(trace: Trace) -> FloatArray:
     """Return the power at each receiver."""
-    return np.array([reading.power for reading in found.detectors.values()])
+    return np.array([reading.power for reading in trace.detectors.values()])
 
 
-def _and_cut_off(found: Trace) -> FloatArray:
+def _powers_and_truncated(trace: Trace) -> FloatArray:
     """Return the power at each receiver, followed by the truncated power."""
-    return np.append(_powers(found), found.ledger.truncated)
+    return np.append(_powers(trace), trace.ledger.truncated)
 
 
-def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
+def _slopes(names: tuple[str, ...], wide: FloatArray, narrow: FloatArray, noise: float) -> dict[str, Slope]:
     """Extrapolate two central differences; their deviation and the noise of the powers bound the error."""
-    best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
-    return {name: Slope(float(best[i]), float(apart[i] + 5.0 / 3.0 * noise)) for i, name in enumerate(names)}
+    best, deviation = (4.0 * narrow - wide) / 3.0, np.abs(narrow - wide) / 3.0
+    return {name: Slope(float(best[i]), float(deviation[i] + 5.0 / 3.0 * noise)) for i, name in enumerate(names)}

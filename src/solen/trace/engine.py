@@ -31,28 +31,28 @@ from solen.trace.chunks import (
     rows_of,
     rules_of,
 )
-from solen.trace.entry import note_entry, through_face
+from solen.trace.entry import add_entry_losses, scene_behind_face
 from solen.trace.kernel import extruded, loop, tally
 from solen.trace.kernel.buffers import BLOCK, Rows, new_buffers
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode, in_order
-from solen.trace.sums import add, empty, legs_of, result
+from solen.trace.sums import add, empty, result, segments_of
 
 if TYPE_CHECKING:
-    from solen.trace.kernel.cuda import Card
+    from solen.trace.kernel.cuda import GpuScene
 
 R = TypeVar("R")
 
 CHUNK = 2**13
-"""Rays per chunk in double precision: with fewer, the threads wait for the interpreter; more exceed the CPU cache. In
-single precision a chunk has twice as many.
+"""Number of rays per chunk in double precision, twice as many in single precision: with fewer, threads wait for the
+interpreter; more exceed the CPU cache.
 """
-CARD_CHUNK = 2**18
+GPU_CHUNK = 2**18
 """Number of rays sent to a GPU at a time."""
-CARD_FEEDERS = 8
-"""Maximum number of threads that prepare rays for a GPU; waiting rays occupy memory."""
+MAX_GPU_FEEDERS = 8
+"""Maximum number of threads that prepare rays for a GPU, because waiting rays occupy memory."""
 COMPARED_RAYS = 4096
-"""Rays per source used to compare single with double precision."""
+"""Maximum number of rays per source for the comparison of single with double precision."""
 
 
 def trace(
@@ -65,7 +65,7 @@ def trace(
     precision: Digits = "double",
     position_bins: int = 0,
     angle_bins: int = 0,
-    legs: bool = False,
+    segments: bool = False,
     device: Device = "cpu",
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -79,28 +79,28 @@ def trace(
     mode
         ``"count"``: refraction or total reflection, without splitting or absorption in media. ``"power"``: Fresnel's
         equations for s and p separately, both branches, absorption. ``"roulette"``: as power, but only one of the two
-        branches is followed, drawn with probability proportional to its power.
+        branches is followed, drawn with probability proportional to its power (probabilistic ray splitting).
     limits
         When to stop following a ray; see `Limits`.
     sampling
         ``"fan"``: the regular rays defined by each source. ``"sobol"``: sixteen independent scrambled Sobol' samples,
         for extended emitters and spectra; the ray count of each source is rounded up to 16 times a power of two.
     seed
-        Seed of the samples and of the roulette; equal seeds give identical results.
+        Seed of all random numbers; equal seeds give identical results.
     precision
         ``"single"`` computes in float32, which is faster; the resulting error is reported as ``single_error``.
     position_bins, angle_bins
         Number of bins in each receiver histogram; see `solen.trace.Detected`.
-    legs
-        Whether to store each ray segment, so that ``paths()`` can return all ray paths; a segment takes about a hundred
+    segments
+        Whether to store each ray segment, from which ``paths()`` returns all ray paths; a segment takes about a hundred
         bytes.
     device
-        ``"cuda"`` follows the rays on a GPU; it cannot be combined with ``legs`` and requires the extra ``cuda``.
+        ``"cuda"`` follows the rays on a GPU; it cannot be combined with ``segments`` and requires the extra ``cuda``.
     threads
         Number of threads, by default one per core; it does not affect the results. With a GPU, the threads prepare the
         rays.
     progress
-        Called with the number of rays traced so far. Raise an exception in it to end the trace early.
+        Function called with the number of rays traced so far. An exception that it raises ends the trace early.
 
     Returns
     -------
@@ -117,11 +117,11 @@ def trace(
     check_choice("sampling", sampling, get_args(Sampling))
     check_choice("precision", precision, tuple(DTYPES))
     check_choice("device", device, get_args(Device))
-    if legs and device == "cuda":
-        raise DesignError("legs", value=legs, limit="are not supported on a GPU", remedy='use device="cpu"')
+    if segments and device == "cuda":
+        raise DesignError("segments", value=segments, limit="are not supported on a GPU", remedy='use device="cpu"')
     if scene.extrusion is not None:
-        _check_extruded(scene, precision, device, legs)
-        scene = through_face(scene, mode)
+        _check_extruded(scene, precision, device, segments)
+        scene = scene_behind_face(scene, mode)
     treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
     if treated and device == "cuda":
         limit = "cuda supports only surfaces that are smooth, clean and bare, and clear media"
@@ -140,50 +140,50 @@ def trace(
         seed=seed,
         position_bins=position_bins,
         angle_bins=angle_bins,
-        legs=legs,
+        segments=segments,
         device=device,
     )
-    found = _run(job, threads, progress)
-    return found if precision == "double" else replace(found, single_error=_single_error(job, threads))
+    traced = _run(job, threads, progress)
+    return traced if precision == "double" else replace(traced, single_error=_single_error(job, threads))
 
 
-def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> None:
-    """Raise `DesignError` for features that are not supported when tracing in space."""
-    for what, value, asked in (
+def _check_extruded(scene: Scene, precision: str, device: str, segments: bool) -> None:
+    """Raise `DesignError` for options and surfaces that are not supported in space."""
+    for what, value, is_set in (
         ("precision", precision, precision != "double"),
         ("device", device, device != "cpu"),
-        ("legs", legs, legs),
+        ("segments", segments, segments),
     ):
-        if asked:
-            raise DesignError(what, value=value, limit="is supported only for planar scenes", remedy="omit it")
+        if is_set:
+            raise DesignError(what, value=value, limit="is supported only in the plane", remedy="omit it")
     for interface in scene.interfaces:
         surface = interface.surface or Surface()
         for key in ("focal_mm", "grating"):
             if getattr(surface, key) is not None:
                 limit = "ideal elements and gratings are supported only in the plane"
-                raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="omit extrusion")
+                raise DesignError(f"interface {interface.name} {key}", limit=limit, remedy="omit extrusion")
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
     """Yield the chunks in order, each with its sums."""
     if job.device == "cuda":
-        card = _card(job)
+        gpu = _gpu_scene(job)
 
         def prepare(make: Callable[[], Chunk]) -> tuple[Chunk, Rows]:
             chunk = make()
             return chunk, rows_of(job, chunk)
 
-        feeders = min(threads, CARD_FEEDERS) if job.scene.rays > CARD_CHUNK else 1
-        for chunk, rows in _ahead(prepare, chunks(job, CARD_CHUNK), feeders):
-            yield chunk, card.trace(rows, rules_of(job, chunk))
+        feeders = min(threads, MAX_GPU_FEEDERS) if job.scene.rays > GPU_CHUNK else 1
+        for chunk, rows in _ahead(prepare, chunks(job, GPU_CHUNK), feeders):
+            yield chunk, gpu.trace(rows, rules_of(job, chunk))
         return
 
     def work(make: Callable[[], Chunk]) -> tuple[Chunk, tally.Sums]:
         chunk = make()
         return chunk, _trace_chunk(job, chunk)
 
-    most = CHUNK * np.dtype(np.float64).itemsize // job.tables.shape.itemsize
-    yield from _ahead(work, chunks(job, most), threads if job.scene.rays > most else 1)
+    max_rays = CHUNK * np.dtype(np.float64).itemsize // job.tables.shape.itemsize
+    yield from _ahead(work, chunks(job, max_rays), threads if job.scene.rays > max_rays else 1)
 
 
 def _ahead(
@@ -203,7 +203,7 @@ def _ahead(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _card(job: Job) -> "Card":
+def _gpu_scene(job: Job) -> "GpuScene":
     """Return the GPU, loaded with the job's scene; raise `DesignError` if there is none."""
     need("numba_cuda", what="device", value=job.device, error=DesignError)
     from solen.trace.kernel import cuda  # requires numba-cuda
@@ -211,8 +211,8 @@ def _card(job: Job) -> "Card":
     if not cuda.available():
         limit = "no CUDA GPU was found, or its driver or compiler is missing"
         raise DesignError("device", value=job.device, limit=limit, remedy='use device="cpu"')
-    rays = min(job.scene.rays, CARD_CHUNK)
-    return cuda.Card(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
+    rays = min(job.scene.rays, GPU_CHUNK)
+    return cuda.GpuScene(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
 
 
 def _trace_chunk(job: Job, chunk: Chunk) -> tally.Sums:
@@ -221,15 +221,15 @@ def _trace_chunk(job: Job, chunk: Chunk) -> tally.Sums:
         return _trace_in_space(job, chunk, job.scene.extrusion)
     rays, rules = rows_of(job, chunk), rules_of(job, chunk)
     treatments = job.tables.treatments if len(job.tables.treatments) else None
-    legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
+    segments, waiting = (8 * len(launch) if job.segments else 0), 64 * BLOCK
     while True:
-        sums = empty(job, legs)
+        sums = empty(job, segments)
         buffers = new_buffers(len(launch), dtype, waiting)
-        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, buffers, treatments)
-        if enough and (not job.legs or sums.counts[tally.LEGS] <= legs):
+        complete = loop.trace_rays(job.constants, job.tables, sums, rays, rules, buffers, treatments)
+        if complete and (not job.segments or sums.counts[tally.SEGMENTS] <= segments):
             return sums
-        legs = max(legs, int(sums.counts[tally.LEGS]) if job.legs else 0)
-        waiting = waiting if enough else 2 * waiting
+        segments = max(segments, int(sums.counts[tally.SEGMENTS]) if job.segments else 0)
+        waiting = waiting if complete else 2 * waiting
 
 
 def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
@@ -238,22 +238,22 @@ def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
     while True:
         sums, buffers = empty(job), extruded.buffers_in_space(waiting)
         if extruded.trace_in_space(job.constants, job.tables, sums, rays, rules, slab, buffers):
-            note_entry(sums, chunk.launch)
+            add_entry_losses(sums, chunk.launch)
             return sums
         waiting *= 2
 
 
 def _single_error(job: Job, threads: int) -> float:
-    """Return the largest difference in receiver power between the two precisions, for fans with few rays per source."""
-    few = replace(
+    """Return the largest difference in receiver power between the two precisions, for fans with few rays."""
+    reduced = replace(
         job.scene, sources=tuple(source.with_rays(min(source.rays, COMPARED_RAYS)) for source in job.scene.sources)
     )
     double, single = (
-        _run(Job.of(few, job.mode, job.limits, dtype, seed=job.seed, device=job.device), threads)
+        _run(Job.of(reduced, job.mode, job.limits, dtype, seed=job.seed, device=job.device), threads)
         for dtype in DTYPES.values()
     )
     pairs = zip(double.detectors.values(), single.detectors.values(), strict=True)
-    return max((abs(one.power - other.power) for one, other in pairs), default=0.0)
+    return max((abs(a.power - b.power) for a, b in pairs), default=0.0)
 
 
 def _run(job: Job, threads: int, progress: Callable[[int], None] | None = None) -> Trace:
@@ -264,8 +264,8 @@ def _run(job: Job, threads: int, progress: Callable[[int], None] | None = None) 
     for chunk, sums in _traced(job, threads):
         totals[chunk.source][chunk.group] = add(totals[chunk.source][chunk.group], sums)
         rays[chunk.source][chunk.group] += len(chunk.launch)
-        if job.legs:
-            kept.append(legs_of(sums, job.scene.emitted))
+        if job.segments:
+            kept.append(segments_of(sums, job.scene.emitted))
         done += len(chunk.launch)
         if progress is not None:
             progress(done)

@@ -1,8 +1,8 @@
 """A grid over a scene with many curves, so that a ray is tested only against the curves in the cells it crosses.
 
 The area occupied by the curves is divided into about twice as many cells as there are curve pieces. Each piece is
-listed in all cells that its polyline crosses, with a margin for the sag: too many cells cost a little time, but too few
-would lose light.
+listed in all cells that its polyline crosses, with a margin for the sag: a superfluous cell costs a little time, but a
+missing one would lose light.
 """
 
 import math
@@ -15,18 +15,18 @@ from solen.arrays import FloatArray, IntArray
 from solen.curve import Curve
 
 MIN_PIECES = 40
-"""Number of curve pieces below which it is faster to test all of them for many rays at once."""
+"""Number of curve pieces below which it is faster to test all of them for a block of rays."""
 CELLS_PER_PIECE = 2.0
 MAX_CELLS_ALONG = 4096
 SAG = 0.1
 
 
 class Grid(NamedTuple):
-    """Grid arrays of `solen.trace.tables.Tables`: lowest corner, cell size, cell counts, and pieces in each cell."""
+    """Grid arrays of `solen.trace.tables.Tables`: lowest corner, cell size, number of cells, pieces in each cell."""
 
     low: FloatArray
     cell: FloatArray
-    many: IntArray
+    shape: IntArray
     first: IntArray
     item: IntArray
 
@@ -40,33 +40,33 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
         return NO_GRID
     ends = np.array([point for curve in pieces for point in (curve.start, curve.middle_point, curve.end)])
     size = np.ptp(ends, axis=0)
-    widest = float(size.max())
-    cell = math.sqrt(float(np.prod(np.maximum(size, 1e-3 * widest))) / (CELLS_PER_PIECE * len(pieces)))
+    size_mm = float(size.max())
+    cell = math.sqrt(float(np.prod(np.maximum(size, 1e-3 * size_mm))) / (CELLS_PER_PIECE * len(pieces)))
     lines = [curve.flattened(SAG * cell) for curve in pieces]
-    everything = np.vstack(lines)
-    margin = SAG * cell + 1e-6 * widest
-    low, high = everything.min(axis=0) - 2.0 * margin, everything.max(axis=0) + 2.0 * margin
-    many = np.clip(np.ceil((high - low) / cell), 1, MAX_CELLS_ALONG).astype(np.int64)
-    cells = (high - low) / many
+    points = np.vstack(lines)
+    margin = SAG * cell + 1e-6 * size_mm
+    low, high = points.min(axis=0) - 2.0 * margin, points.max(axis=0) + 2.0 * margin
+    count = np.clip(np.ceil((high - low) / cell), 1, MAX_CELLS_ALONG).astype(np.int64)
+    cells = (high - low) / count
     piece, start, stop = _sides(lines, float(cells.min()))
-    first = np.clip(np.floor((np.minimum(start, stop) - margin - low) / cells), 0, many - 1).astype(np.int64)
-    last = np.clip(np.floor((np.maximum(start, stop) + margin - low) / cells), 0, many - 1).astype(np.int64)
-    wide = last - first + 1
-    counts = wide[:, 0] * wide[:, 1]
+    first = np.clip(np.floor((np.minimum(start, stop) - margin - low) / cells), 0, count - 1).astype(np.int64)
+    last = np.clip(np.floor((np.maximum(start, stop) + margin - low) / cells), 0, count - 1).astype(np.int64)
+    spans = last - first + 1
+    counts = spans[:, 0] * spans[:, 1]
     row = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    i, j = first[row, 0] + place // wide[row, 1], first[row, 1] + place % wide[row, 1]
-    entries = np.unique(np.column_stack([i * many[1] + j, piece[row]]), axis=0)
-    begins = np.searchsorted(entries[:, 0], np.arange(int(many[0] * many[1]) + 1))
-    return Grid(low, cells, many, begins.astype(np.int64), np.ascontiguousarray(entries[:, 1]))
+    offset = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    i, j = first[row, 0] + offset // spans[row, 1], first[row, 1] + offset % spans[row, 1]
+    entries = np.unique(np.column_stack([i * count[1] + j, piece[row]]), axis=0)
+    begins = np.searchsorted(entries[:, 0], np.arange(int(count[0] * count[1]) + 1))
+    return Grid(low, cells, count, begins.astype(np.int64), np.ascontiguousarray(entries[:, 1]))
 
 
-def _sides(lines: Sequence[FloatArray], longest: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Sides of all polylines, subdivided to at most ``longest``: polyline index, first point and last point."""
+def _sides(lines: Sequence[FloatArray], max_length: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Sides of all polylines, subdivided to at most ``max_length``: polyline index, first point and last point."""
     starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
-    parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / longest), 1).astype(np.int64)
+    parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / max_length), 1).astype(np.int64)
     row = np.repeat(np.arange(len(parts)), parts)
-    place = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts))[:, None]
+    offset = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts))[:, None]
     step = (stops - starts)[row] / parts[row, None]
-    return owner[row], starts[row] + place * step, starts[row] + (place + 1) * step
+    return owner[row], starts[row] + offset * step, starts[row] + (offset + 1) * step

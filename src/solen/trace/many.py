@@ -26,7 +26,7 @@ from solen.trace.tables import Tables
 
 Task = tuple[int, Chunk]
 RECEIVERS, MONITORS = ("detected", "arrived", "optical"), ("crossed", "crossings")
-ROWS = ("fate", "counts", "place")
+ROWS = ("fate", "counts", "location")
 
 
 def trace_many(
@@ -51,13 +51,13 @@ def trace_many(
     if not scenes:
         return []
     if any(scene.extrusion is not None for scene in scenes):
-        limit, remedy = "trace_many accepts only planar scenes", "trace each scene separately"
-        raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
+        limit, remedy = "must be in the plane for trace_many", "trace each extruded scene separately"
+        raise DesignError("scenes", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
-    tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
+    tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, job.scene.rays)]
     batched = _Batch(jobs, tasks)
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda ends: batched.trace(*ends), pairwise(batched.shares(threads))))
+        list(pool.map(lambda ends: batched.trace(*ends), pairwise(batched.bounds(threads))))
     return batched.results()
 
 
@@ -72,7 +72,7 @@ class _Batch:
         receivers = [len(jobs[i].scene.receivers) for i, _ in tasks]
         monitors = [len(jobs[i].scene.monitors) for i, _ in tasks]
         bins = [int(jobs[i].tables.bins.sum()) for i, _ in tasks]
-        self.where = batch.Tasks(
+        self.layout = batch.Tasks(
             scene=np.array([i for i, _ in tasks], dtype=np.int64),
             first=np.array([chunk.first for _, chunk in tasks], dtype=np.int64),
             step=np.array([chunk.step for _, chunk in tasks], dtype=np.int64),
@@ -83,22 +83,22 @@ class _Batch:
         )
         self.sums = of_tasks(len(tasks), sum(receivers), sum(monitors), sum(bins))
 
-    def shares(self, threads: int) -> list[int]:
-        """Divide the tasks among threads so that each thread has about the same number of rays."""
-        rays = self.where.ray
+    def bounds(self, threads: int) -> list[int]:
+        """Return the bounds of the threads' tasks, chosen such that each thread has about the same number of rays."""
+        rays = self.layout.ray
         inner = np.searchsorted(rays, np.arange(1, threads) * rays[-1] / threads)
         return [0, *(int(task) for task in inner), len(self.tasks)]
 
     def trace(self, begin: int, stop: int) -> None:
-        """Trace a range of tasks, repeating it with more memory if necessary."""
-        most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
+        """Trace a range of tasks; repeat it with more memory if necessary."""
+        max_rays = int(np.diff(self.layout.ray[begin : stop + 1]).max(initial=0))
         job, waiting = self.jobs[0], 64 * BLOCK
         rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
         dtype = job.tables.shape.dtype.type
         treatments = self.tables.treatments if len(self.tables.treatments) else None
         while not batch.trace_tasks(
-            job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
-            new_buffers(most, dtype, waiting), treatments, begin, stop,
+            job.constants, self.tables, self.starts, self.layout, self.sums, self.rays, rules,
+            new_buffers(max_rays, dtype, waiting), treatments, begin, stop,
         ):  # fmt: skip
             waiting *= 2
             self._clear(begin, stop)
@@ -107,21 +107,21 @@ class _Batch:
         """Clear the sums for a range of tasks."""
         for name in tally.Sums._fields:
             column = self._part(name, begin, stop)
-            column[...] = np.nan if name == "place" else 0
+            column[...] = np.nan if name == "location" else 0
 
     def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
         """Return the section of a sum array that belongs to a range of tasks."""
-        where: dict[str, IntArray] = {
-            **dict.fromkeys(RECEIVERS, self.where.receiver),
-            **dict.fromkeys(MONITORS, self.where.monitor),
-            "maps": self.where.bin,
+        starts: dict[str, IntArray] = {
+            **dict.fromkeys(RECEIVERS, self.layout.receiver),
+            **dict.fromkeys(MONITORS, self.layout.monitor),
+            "maps": self.layout.bin,
         }
         column: NDArray[Any] = getattr(self.sums, name)
         if name in ROWS:
             return column[begin:stop]
-        return column[where[name][begin] : where[name][stop]] if name in where else column
+        return column[starts[name][begin] : starts[name][stop]] if name in starts else column
 
-    def _of_task(self, task: int) -> tally.Sums:
+    def _task_sums(self, task: int) -> tally.Sums:
         """Return the sums of a single task."""
         parts = {name: self._part(name, task, task + 1) for name in tally.Sums._fields}
         for name in ROWS:
@@ -136,17 +136,17 @@ class _Batch:
         for task, (i, chunk) in enumerate(self.tasks):
             while len(parts[i][chunk.source]) < chunk.group:  # a group without rays has no task
                 parts[i][chunk.source].append(empty(self.jobs[i]))
-            parts[i][chunk.source].append(self._of_task(task))
+            parts[i][chunk.source].append(self._task_sums(task))
             rays[i][chunk.source][chunk.group] += len(chunk.launch)
         for job, sources in zip(self.jobs, parts, strict=True):
             for source, groups in zip(job.scene.sources, sources, strict=True):
                 groups.extend(empty(job) for _ in range(job.groups(source) - len(groups)))
-        return [result(job, *found, None) for job, found in zip(self.jobs, zip(parts, rays, strict=True), strict=True)]
+        return [result(job, *data, None) for job, data in zip(self.jobs, zip(parts, rays, strict=True), strict=True)]
 
 
-def _starts(many: Iterable[int]) -> IntArray:
+def _starts(lengths: Iterable[int]) -> IntArray:
     """Return the start of each item and the end of the last, from the item lengths."""
-    return np.cumsum([0, *many], dtype=np.int64)
+    return np.cumsum([0, *lengths], dtype=np.int64)
 
 
 def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:

@@ -1,8 +1,9 @@
-"""Integration with randomised nets: sixteen scrambled Sobol' nets with increasing numbers of points, until they agree.
+"""Integration with sixteen scrambled Sobol' nets, whose numbers of points are increased until the nets agree.
 
-This method is for light through a face in space. Each ray has four coordinates, and the power at a receiver jumps along
-every one of them, so none can be integrated exactly, as the height can for vertical walls (decision 89). Each net is an
-unbiased estimate, so the standard error of the mean over nets is the uncertainty of the integral.
+This method is for light through a lens that varies with height. Each ray has four coordinates, and the power at a
+receiver jumps along every one of them, so none can be integrated exactly, as the height can for vertical walls
+(decision 89). Each net is an unbiased estimate, so the standard error of the mean over nets is the uncertainty of the
+integral.
 """
 
 from dataclasses import replace
@@ -11,18 +12,18 @@ from solen.scene import Scene
 from solen.trace.engine import trace
 from solen.trace.result import Limits, Mode, Trace
 
-FIRST_RAYS, MAX_RAYS, TIMES = 2**15, 2**21, 4
+FIRST_RAYS, MAX_RAYS, RAY_FACTOR = 2**15, 2**21, 4
 """Initial and maximum number of rays, and the factor between successive numbers."""
 
 
-def by_nets(
+def integrate_by_nets(
     scene: Scene,
     tolerance: float,
     mode: Mode = "power",
     limits: Limits | None = None,
     *,
-    most_rays: int = MAX_RAYS,
-    most_legs: int | None = None,
+    max_rays: int = MAX_RAYS,
+    max_segments: int | None = None,
     threads: int | None = None,
     first_rays: int = FIRST_RAYS,
     seed: int = 0,
@@ -37,11 +38,10 @@ def by_nets(
         Tolerance of each power, as a fraction of the emitted power.
     mode, limits, threads
         As in `solen.trace.trace`.
-    most_rays
-        Number of rays at which the integration ends, whatever the error; ``reached`` is then False, and ``why`` gives
-        the reason.
-    most_legs
-        Number of ray segments beyond which no further rays are traced.
+    max_rays
+        Maximum number of rays. If they do not reach the tolerance, ``reached`` is False, and ``why`` gives the reason.
+    max_segments
+        Expected number of ray segments above which no further rays are traced.
     first_rays
         Initial number of rays.
     seed
@@ -49,18 +49,18 @@ def by_nets(
     """
     rays = first_rays
     while True:
-        found = trace(with_rays(scene, rays), mode, limits, sampling="sobol", seed=seed, threads=threads)
-        if found.u_power <= tolerance:
-            return found
-        if rays >= most_rays or (most_legs is not None and TIMES * found.hits > most_legs):
+        result = trace(with_rays(scene, rays), mode, limits, sampling="sobol", seed=seed, threads=threads)
+        if result.u_power <= tolerance:
+            return result
+        if rays >= max_rays or (max_segments is not None and RAY_FACTOR * result.hits > max_segments):
             why = (
-                f"{found.rays} rays reach an uncertainty of {found.u_power:.1e} instead of {tolerance:g}: "
+                f"{result.rays} rays reach an uncertainty of {result.u_power:.1e} instead of {tolerance:g}: "
                 "choose a larger tolerance"
             )
-            return replace(found, reached=False, why=why)
-        rays *= TIMES
+            return replace(result, reached=False, why=why)
+        rays *= RAY_FACTOR
 
 
 def with_rays(scene: Scene, rays: int) -> Scene:
-    """Return the scene with this many rays per source."""
+    """Return the scene with ``rays`` rays per source."""
     return replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))

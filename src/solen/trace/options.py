@@ -42,18 +42,20 @@ class TraceOptions(Options):
     def _fit_together(self) -> Self:
         if self.sampling != "adaptive":
             if self.tolerance is not None:
-                raise refused("tolerance", "needs sampling adaptive", value=self.tolerance, remedy="add it")
+                raise refused(
+                    "tolerance", "requires sampling adaptive", value=self.tolerance, remedy="set it, or omit tolerance"
+                )
             return self
         single = "single" if self.precision == "single" else None
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
             if value is not None:
                 limit = "does not apply with sampling adaptive"
-                raise refused(name, limit, value=value, remedy="omit one of them")
+                raise refused(name, limit, value=value, remedy="omit it, or choose another sampling")
         return self
 
 
 def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", *, paths: bool = False) -> Trace:
-    """Trace or integrate a scene with options.
+    """Trace or integrate a scene, as its options specify.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     options
         Trace options; ``usual_mode`` is used if they do not specify a mode.
     paths
-        Whether to store each ray segment, so that ``paths()`` can return all ray paths.
+        Whether to store each ray segment, from which ``paths()`` returns all ray paths.
 
     Raises
     ------
@@ -76,8 +78,8 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
         _check_adaptive(scene, paths)
         tolerance = options.tolerance or default_tolerance(scene)
         return integrate(scene, mode, tolerance)
-    draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
-    if options.seed is not None and not draws:
+    is_random = options.sampling == "sobol" or mode == "roulette" or scene.is_random
+    if options.seed is not None and not is_random:
         limit = f"mode {mode} with a fan uses no random numbers"
         raise SpecError("seed", value=options.seed, limit=limit, remedy="set sampling to sobol or mode to roulette")
     bins = options.histogram or 0
@@ -89,13 +91,15 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
         precision=options.precision,
         position_bins=bins,
         angle_bins=bins,
-        legs=paths,
+        segments=paths,
     )
 
 
 def _check_adaptive(scene: Scene, paths: bool) -> None:
     if paths:
-        raise SpecError("sampling", value="adaptive", limit="does not support ray paths", remedy="use fan for images")
+        raise SpecError(
+            "sampling", value="adaptive", limit="does not support ray paths", remedy="use fan, or omit paths"
+        )
     if scene.monitors:
         limit = "evaluates only receivers, but this scene has monitors"
         raise SpecError("sampling", value="adaptive", limit=limit, remedy="use fan or sobol")
@@ -104,7 +108,8 @@ def _check_adaptive(scene: Scene, paths: bool) -> None:
 def check_paths(scene: Scene) -> None:
     """Raise `SpecError` if the ray paths of a scene cannot be stored: too many rays, or rays in space."""
     if scene.rays > MAX_PATHS:
-        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"paths are written for at most {MAX_PATHS} rays")
+        limit = f"are stored for at most {MAX_PATHS} rays, but the scene has {scene.rays}"
+        raise SpecError("paths", limit=limit, remedy="reduce the number of rays")
     if scene.extrusion is not None:
-        limit = "paths are supported only in the plane, but these rays are in space"
+        limit = "are supported only in the plane, but these rays are in space"
         raise SpecError("paths", limit=limit, remedy="omit it, or trace in the plane")

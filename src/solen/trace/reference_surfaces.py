@@ -1,7 +1,7 @@
 """The effect of a treated surface on a ray, in plain Python: the reference for `solen.trace.kernel.treated`.
 
 See `solen.scene.surface` for the treatments. Random numbers are those of the engine, so that the two can be compared
-ray by ray. The formulas are implemented independently, and films are computed with another method.
+ray by ray. The formulas are implemented independently, and films are computed by another method.
 """
 
 import cmath
@@ -14,8 +14,8 @@ import numpy as np
 from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, cross, dot, left_of, minus, right_of, unit
 from solen.scene import Coating, Gaussian, Grating, HarveyShack, Interface, ScatterTable, Surface, Texture
-from solen.trace.kernel.surface import Event, chance_of
-from solen.trace.kernel.treated import BACK, FACET, KEEP, ON, ORDER, TRIES
+from solen.trace.kernel.surface import Event, uniform_of
+from solen.trace.kernel.treated import FACET, ORDER, REFLECTED, REJECTION, TRANSMITTED, TRIES
 
 Draw = Callable[[int], float]
 """Function that returns the n-th random number in [0, 1) for a given ray and hit."""
@@ -30,7 +30,7 @@ class Part(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A ray that meets a surface: position, direction, powers, the normal on the side of the ray, and both indices."""
+    """A ray that meets a surface; ``facing`` is the normal on the side of the ray, n1 the index there, n2 behind."""
 
     at: Point
     direction: Point
@@ -55,77 +55,80 @@ def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, co
     tilted = ray
     if surface.texture is not None and surface.texture.direction == "along":
         tilted = ray._replace(facing=_facet(surface.texture, ray, draw))
-    on, back = _smooth(interface, surface, tilted, counting)
+    through, back = _smooth(interface, surface, tilted, counting)
     if surface.focal_mm is not None:
-        on, back = _focused(interface, surface.focal_mm, ray, on, back)
+        through, back = _focused(interface, surface.focal_mm, ray, through, back)
     if surface.coating is not None and not counting:
-        on, back = _coated(surface.coating, tilted, on, back)
-    elif surface.coating is not None and _shut(surface.coating, tilted):
-        on, back = on._replace(s=0.0, p=0.0), back._replace(s=ray.s, p=ray.p)
+        through, back = _coated(surface.coating, tilted, through, back)
+    elif surface.coating is not None and _is_opaque(surface.coating, tilted):
+        through, back = through._replace(s=0.0, p=0.0), back._replace(s=ray.s, p=ray.p)
     if surface.table is not None and not counting:
-        on, back = _tabulated(surface, tilted, on, back, interface.behaviour)
-    away = (-ray.facing[0], -ray.facing[1])
-    return _scattered(surface, on, away, draw, ON), _scattered(surface, back, ray.facing, draw, BACK)
+        through, back = _tabulated(surface, tilted, through, back, interface.behaviour)
+    behind = (-ray.facing[0], -ray.facing[1])
+    return (
+        _scattered(surface, through, behind, draw, TRANSMITTED),
+        _scattered(surface, back, ray.facing, draw, REFLECTED),
+    )
 
 
 def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool) -> tuple[Part, Part]:
     """Return both parts at a smooth surface with the specified behaviour."""
     back = reflected(ray.direction, ray.facing)
-    nothing = Part(ray.direction, 0.0, 0.0)
+    no_light = Part(ray.direction, 0.0, 0.0)
     if interface.behaviour == "lens":
-        return Part(ray.direction, ray.s, ray.p), nothing
+        return Part(ray.direction, ray.s, ray.p), no_light
     if interface.behaviour == "splitter":
         t = 1.0 if counting else surface.transmitted
-        on = Part(ray.direction, t * ray.s, t * ray.p)
-        return on, Part(back, ray.s - on.s, ray.p - on.p)
+        through = Part(ray.direction, t * ray.s, t * ray.p)
+        return through, Part(back, ray.s - through.s, ray.p - through.p)
     if interface.behaviour == "mirror":
-        rho = 1.0 if counting else surface.reflectance
-        return nothing, Part(back, rho * ray.s, rho * ray.p)
-    through = refracted(ray.direction, ray.facing, ray.n1, ray.n2)
-    if through is None:
-        return nothing, Part(back, ray.s, ray.p)
+        r = 1.0 if counting else surface.reflectance
+        return no_light, Part(back, r * ray.s, r * ray.p)
+    direction = refracted(ray.direction, ray.facing, ray.n1, ray.n2)
+    if direction is None:
+        return no_light, Part(back, ray.s, ray.p)
     if counting or not surface.partial:
-        return Part(through, ray.s, ray.p), Part(back, 0.0, 0.0)
-    share = fresnel(ray.cos, ray.n1, ray.n2)
-    on = Part(through, ray.s * (1.0 - share.s), ray.p * (1.0 - share.p))
-    return on, Part(back, ray.s * share.s, ray.p * share.p)
+        return Part(direction, ray.s, ray.p), Part(back, 0.0, 0.0)
+    reflectance = fresnel(ray.cos, ray.n1, ray.n2)
+    through = Part(direction, ray.s * (1.0 - reflectance.s), ray.p * (1.0 - reflectance.p))
+    return through, Part(back, ray.s * reflectance.s, ray.p * reflectance.p)
 
 
-def _focused(interface: Interface, focal_mm: float, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
+def _focused(interface: Interface, focal_mm: float, ray: Arrival, through: Part, back: Part) -> tuple[Part, Part]:
     """Deflect a ray paraxially at any angle: its slope to the axis decreases by its height divided by f."""
     along = left_of(ray.facing)
     height = dot(minus(ray.at, interface.curve.middle_point), along)
     slope = dot(ray.direction, along) / ray.cos - height / focal_mm
     if interface.behaviour == "lens":
-        return on._replace(direction=_towards(slope, along, (-ray.facing[0], -ray.facing[1]))), back
-    return on, back._replace(direction=_towards(slope, along, ray.facing))
+        return through._replace(direction=_direction(slope, along, (-ray.facing[0], -ray.facing[1]))), back
+    return through, back._replace(direction=_direction(slope, along, ray.facing))
 
 
-def _towards(slope: float, along: Point, axis: Point) -> Point:
+def _direction(slope: float, along: Point, axis: Point) -> Point:
     return unit((slope * along[0] + axis[0], slope * along[1] + axis[1]))
 
 
-def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
+def _coated(coating: Coating, ray: Arrival, through: Part, back: Part) -> tuple[Part, Part]:
     if ray.wavelength_nm is None:
         raise AssertionError("a scene with coatings has wavelengths")
     layers = coating.layers[::-1] if ray.from_right else coating.layers
     films = [(complex(layer.index, -layer.extinction), layer.thickness_nm) for layer in layers]
     rs, ts = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "s")
     rp, tp = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "p")
-    return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+    return through._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
 
 
-def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
-    """Return the fractions tabulated for the side of the ray; all light is reflected if Snell's law has no solution."""
-    shares = shares_of(surface, ray.from_right, ray.cos)
-    through = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
-    ts, tp = (shares.ts, shares.tp) if through is not None else (0.0, 0.0)
-    rs, rp = (shares.rs + shares.ts - ts, shares.rp + shares.tp - tp)
-    return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+def _tabulated(surface: Surface, ray: Arrival, through: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
+    """Return the parts by the table for the side of the ray; all light is reflected if Snell's law has no solution."""
+    table = table_fractions(surface, ray.from_right, ray.cos)
+    direction = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
+    ts, tp = (table.ts, table.tp) if direction is not None else (0.0, 0.0)
+    rs, rp = (table.rs + table.ts - ts, table.rp + table.tp - tp)
+    return through._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
 
 
-class Shares(NamedTuple):
-    """Reflected and transmitted power fractions."""
+class PowerFractions(NamedTuple):
+    """Reflected and transmitted fractions of the power polarised perpendicular to the plane of incidence and in it."""
 
     rs: float
     rp: float
@@ -133,14 +136,14 @@ class Shares(NamedTuple):
     tp: float
 
 
-def shares_of(surface: Surface, from_right: bool, cos: float) -> Shares:
-    """Interpolate the power fractions in a surface table at an angle of incidence."""
+def table_fractions(surface: Surface, from_right: bool, cos: float) -> PowerFractions:
+    """Return the power fractions in a surface table, interpolated at an angle of incidence."""
     table = surface.table_right if from_right and surface.table_right is not None else surface.table
     if table is None:
-        raise AssertionError("a surface with power fractions has a table")
+        raise AssertionError("the surface has a table")
     columns = np.array(table.rows).T
-    at_deg = math.degrees(math.acos(min(cos, 1.0)))
-    return Shares(*(float(np.interp(at_deg, columns[0], column)) for column in columns[1:]))
+    angle_deg = math.degrees(math.acos(min(cos, 1.0)))
+    return PowerFractions(*(float(np.interp(angle_deg, columns[0], column)) for column in columns[1:]))
 
 
 def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
@@ -148,36 +151,37 @@ def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
     if ray.wavelength_nm is None:
         raise AssertionError("a scene with gratings has wavelengths")
     index = ray.n1 if grating.mirrored else ray.n2
-    ahead = (-ray.facing[0], -ray.facing[1])
-    right = right_of(ahead)
-    outwards = ray.facing if grating.mirrored else ahead
+    forward = (-ray.facing[0], -ray.facing[1])
+    right = right_of(forward)
+    outward = ray.facing if grating.mirrored else forward
     parts = []
-    for order, share in grating.orders:
+    for order, efficiency in grating.orders:
         wave = ray.n1 * dot(ray.direction, right) + order * ray.wavelength_nm * 1e-6 * grating.lines_per_mm
         sine = wave / index
-        if abs(sine) < 1.0 and share > 0.0:
+        if abs(sine) < 1.0 and efficiency > 0.0:
             cos = math.sqrt(1.0 - sine * sine)
-            direction = (sine * right[0] + cos * outwards[0], sine * right[1] + cos * outwards[1])
-            parts.append(Part(direction, share * ray.s, share * ray.p))
+            direction = (sine * right[0] + cos * outward[0], sine * right[1] + cos * outward[1])
+            parts.append(Part(direction, efficiency * ray.s, efficiency * ray.p))
     return parts
 
 
 def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
     """Draw one order with probability proportional to its power; it carries the power of all orders."""
-    nothing, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
+    no_light, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
     if not orders:
-        return nothing, nothing
-    shares = np.array([part.s + part.p for part in orders])
-    chosen = int(np.searchsorted(np.cumsum(shares), draw(ORDER) * shares.sum(), side="right"))
-    whole = 1.0 if counting else float(shares.sum()) / (ray.s + ray.p)
-    part = orders[min(chosen, len(orders) - 1)]._replace(s=whole * ray.s, p=whole * ray.p)
-    return (nothing, part) if grating.mirrored else (part, nothing)
+        return no_light, no_light
+    powers = np.array([part.s + part.p for part in orders])
+    index = int(np.searchsorted(np.cumsum(powers), draw(ORDER) * powers.sum(), side="right"))
+    total = 1.0 if counting else float(powers.sum()) / (ray.s + ray.p)
+    part = orders[min(index, len(orders) - 1)]._replace(s=total * ray.s, p=total * ray.p)
+    return (no_light, part) if grating.mirrored else (part, no_light)
 
 
-def _shut(coating: Coating, ray: Arrival) -> bool:
-    """Return whether counting mode treats a film as totally reflecting because it is thicker than the wavelength."""
-    axial = ray.n1 * math.sqrt(1.0 - ray.cos**2)
-    return any(film.thickness_nm > (ray.wavelength_nm or math.inf) and film.index < axial for film in coating.layers)
+def _is_opaque(coating: Coating, ray: Arrival) -> bool:
+    """Return whether counting mode treats light as totally reflected at a film thicker than the wavelength."""
+    tangential = ray.n1 * math.sqrt(1.0 - ray.cos**2)
+    max_nm = ray.wavelength_nm or math.inf
+    return any(film.thickness_nm > max_nm and film.index < tangential for film in coating.layers)
 
 
 def film_powers(
@@ -191,30 +195,31 @@ def film_powers(
 def film_fields(
     films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
 ) -> tuple[complex, complex, float]:
-    """Return amplitudes of films (complex index, thickness in nm) from Airy's sum, from the last boundary to the first.
+    """Return the amplitude coefficients r and t of films (complex index, thickness in nm), by Airy's sum.
 
-    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.) They apply to fields along the surface, with time
-    dependence exp(+iωt); the third number converts the squared transmitted amplitude to power.
+    It is applied from the last boundary to the first (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954). The
+    amplitudes are those of the fields along the surface, with time dependence exp(+iωt). The third result converts |t|²
+    to a power fraction.
     """
     k0, q = 2.0 * math.pi / wavelength_nm, n1 * math.sqrt(1.0 - cos * cos)
     indices = [complex(n1), *(index for index, _ in films), complex(n2)]
     normal = [_decaying(n * n - q * q) for n in indices]
-    tilt = [a if polarisation == "s" else n * n / a for n, a in zip(indices, normal, strict=True)]
+    admittance = [a if polarisation == "s" else n * n / a for n, a in zip(indices, normal, strict=True)]
     r, t = 0.0 + 0.0j, 1.0 + 0.0j
     for j in range(len(indices) - 2, -1, -1):
-        boundary = (tilt[j] - tilt[j + 1]) / (tilt[j] + tilt[j + 1])
+        boundary = (admittance[j] - admittance[j + 1]) / (admittance[j] + admittance[j + 1])
         thickness_nm = films[j][1] if j < len(films) else 0.0  # for the film behind this boundary
-        once = cmath.exp(-1j * k0 * normal[j + 1] * thickness_nm)
-        behind = r * once * once
-        below = 1.0 + boundary * behind
-        r, t = (boundary + behind) / below, t * (1.0 + boundary) * once / below
-    return r, t, tilt[-1].real / tilt[0].real
+        phase = cmath.exp(-1j * k0 * normal[j + 1] * thickness_nm)
+        behind = r * phase * phase
+        denominator = 1.0 + boundary * behind
+        r, t = (boundary + behind) / denominator, t * (1.0 + boundary) * phase / denominator
+    return r, t, admittance[-1].real / admittance[0].real
 
 
 def _decaying(square: complex) -> complex:
-    """Return the root of a squared wave number for a decaying wave with time dependence exp(+iωt)."""
-    decaying = cmath.sqrt(square)
-    return -decaying if decaying.imag > 0.0 else decaying
+    """Return the square root of a squared wave number for a decaying wave, with time dependence exp(+iωt)."""
+    root = cmath.sqrt(square)
+    return -root if root.imag > 0.0 else root
 
 
 def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
@@ -229,8 +234,8 @@ def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
         normal = unit((ray.facing[0] + slope * along[0], ray.facing[1] + slope * along[1]))
         if dot(ray.direction, normal) >= 0.0:
             continue
-        back, on = reflected(ray.direction, normal), refracted(ray.direction, normal, ray.n1, ray.n2)
-        if dot(back, ray.facing) > 0.0 and (on is None or dot(on, ray.facing) < 0.0):
+        back, through = reflected(ray.direction, normal), refracted(ray.direction, normal, ray.n1, ray.n2)
+        if dot(back, ray.facing) > 0.0 and (through is None or dot(through, ray.facing) < 0.0):
             return normal
     return ray.facing
 
@@ -243,22 +248,22 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
     along = left_of(normal)
     smooth = cross(normal, part.direction)
     for i in range(TRIES):
-        one, two = draw(purpose + 2 * i + 1), draw(purpose + 2 * i + 2)
+        u, v = draw(purpose + 2 * i + 1), draw(purpose + 2 * i + 2)
         if isinstance(scatter, Gaussian):
-            radius = math.sqrt(-2.0 * math.log(1.0 - one))
-            sine = smooth + scatter.sigma * radius * math.cos(2.0 * math.pi * two)
+            radius = math.sqrt(-2.0 * math.log(1.0 - u))
+            sine = smooth + scatter.sigma * radius * math.cos(2.0 * math.pi * v)
         elif isinstance(scatter, HarveyShack):
-            off = math.tan(math.pi * (one - 0.5))
-            if two >= _kept(scatter, off):
+            offset = math.tan(math.pi * (u - 0.5))
+            if v >= _acceptance(scatter, offset):
                 continue
-            sine = smooth + scatter.shoulder * off
+            sine = smooth + scatter.shoulder * offset
         elif isinstance(scatter, ScatterTable):
-            off, density = _from_envelope(scatter, one)
-            if draw(purpose + KEEP + i) >= density:
+            offset, density = _from_envelope(scatter, u)
+            if draw(purpose + REJECTION + i) >= density:
                 continue
-            sine = smooth + (off if two < 0.5 else -off)
+            sine = smooth + (offset if v < 0.5 else -offset)
         else:
-            sine = 2.0 * one - 1.0
+            sine = 2.0 * u - 1.0
         if abs(sine) < 1.0:
             cos = math.sqrt(1.0 - sine * sine)
             direction = (cos * normal[0] + sine * along[0], cos * normal[1] + sine * along[1])
@@ -266,27 +271,27 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
     return part
 
 
-def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
+def _from_envelope(scatter: ScatterTable, u: float) -> tuple[float, float]:
     """Return the offset at a cumulative fraction of the step envelope, and the density divided by the envelope."""
-    off, density = np.array(scatter.offset), np.array(scatter.density)
+    offsets, density = np.array(scatter.offset), np.array(scatter.density)
     steps = np.maximum(density[1:], density[:-1])
-    below = np.concatenate([[0.0], np.cumsum(steps * np.diff(off))])
-    at = float(np.interp(share * below[-1], below, off))
-    cell = min(int(np.searchsorted(below, share * below[-1], side="right")) - 1, len(steps) - 1)
-    return at, float(np.interp(at, off, density)) / float(steps[cell])
+    cumulative = np.concatenate([[0.0], np.cumsum(steps * np.diff(offsets))])
+    offset = float(np.interp(u * cumulative[-1], cumulative, offsets))
+    cell = min(int(np.searchsorted(cumulative, u * cumulative[-1], side="right")) - 1, len(steps) - 1)
+    return offset, float(np.interp(offset, offsets, density)) / float(steps[cell])
 
 
-def _kept(scatter: HarveyShack, off: float) -> float:
-    """Return the acceptance probability of a draw from the Cauchy distribution at an offset of ``off`` shoulders."""
-    if abs(off) > 2.0 / scatter.shoulder:
+def _acceptance(scatter: HarveyShack, offset: float) -> float:
+    """Return the acceptance probability of a draw from the Cauchy distribution; the offset is in shoulders."""
+    if abs(offset) > 2.0 / scatter.shoulder:
         return 0.0
 
     def ratio(x: float) -> float:
         return float((1.0 + x * x) ** (1.0 - scatter.slope / 2.0))
 
-    return ratio(off) / max(1.0, ratio(2.0 / scatter.shoulder))
+    return ratio(offset) / max(1.0, ratio(2.0 / scatter.shoulder))
 
 
 def draws(seed: int, ray: int, hit: int) -> Draw:
     """Return the function that generates the random numbers for a ray and a hit."""
-    return lambda number: chance_of(Event(seed, ray, hit), number)
+    return lambda number: uniform_of(Event(seed, ray, hit), number)

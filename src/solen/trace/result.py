@@ -2,9 +2,9 @@
 
 All powers are fractions of the emitted power. The four parts of the ledger add up to 1: the power **detected** by
 receivers, the power that **escaped** to infinity, the power **absorbed** by media, walls and the backs of receivers,
-and the power **truncated**. The truncated power consists of branches below the minimum weight, rays beyond the maximum
-number of interfaces (both counted in ``truncated``), and rays that met an interface from a medium other than their own
-(counted in ``undefined``). All of these are located; none is dropped.
+and the power **truncated**. The truncated power consists of branches below the minimum weight, rays that have met the
+maximum number of interfaces (both counted in ``truncated``), and rays that met an interface from a medium other than
+their own (counted in ``undefined``). The first locations of each kind are stored.
 
 Every power has an uncertainty ``u_power``, however the rays were chosen: a standard error for independent samples, an
 error estimate for a fan and for adaptive integration.
@@ -34,24 +34,24 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 GOES_ON, DETECTED, ESCAPED, ABSORBED, TRUNCATED = range(5)
 FATES = ("goes on", "detected", "escaped", "absorbed", "truncated")
 
-LEG = np.dtype(
+SEGMENT_FIELDS = np.dtype(
     [(name, np.int64) for name in ("ray", "branch", "parent", "hit", "interface", "fate")]
     + [
         (name, np.float64)
         for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept", "optical_path_mm")
     ]
 )
-"""One ray segment: its ray; its branch; the parent branch from which that was split off (−1 for none); the number of
-interfaces met before; the interface at its end (−1 for none); the fate there; start; direction; length (inf if it
-escapes); the power at its start as a fraction of the emitted power; the fraction of that power remaining at its end;
-and the optical path length from the source to its start. A trace stores segments in order of ray, branch and hit.
-Branch numbers depend on the tracer, but a parent always precedes its children.
+"""Fields of a ray segment: its ray; its branch; the parent branch from which that was split off (−1 for none); the
+number of interfaces met before; the interface at its end (−1 for none); the fate there; start; direction; length
+(infinite if it escapes); the power at its start as a fraction of the emitted power; the fraction of that power that
+remains at its end; and the optical path length from the source to its start. A trace stores segments in order of ray,
+branch and hit. Branch numbers depend on the tracer, but a parent always precedes its children.
 """
 
 CORNER_MM = 2 * END_TOLERANCE_MM
 """Distance by which a ray that has just met a corner is moved past the end of the other curve at that corner."""
-KEPT_PLACES = 16
-"""Number of locations that a trace stores for undefined rays, and for truncated rays."""
+MAX_LOCATIONS = 16
+"""Maximum number of locations that a trace stores for undefined rays, and for truncated rays."""
 
 
 def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
@@ -132,7 +132,7 @@ class Detected(Result):
 
 
 class Crossed(Result):
-    """Reading of a monitor: net power towards its left, crossings, and net power per bin (N,) from start to end."""
+    """Reading of a monitor: net power towards its left, uncertainty, number of crossings, and net power by bin (N,)."""
 
     power: float
     u_power: float
@@ -141,10 +141,10 @@ class Crossed(Result):
 
 
 class Path(Result):
-    """Path of one branch: its corners (N, 2), the indices of the interfaces met, its initial power and its fate.
+    """Path of one branch: its vertices (N, 2), the indices of the interfaces met, its initial power and its fate.
 
     ``parent`` is the branch of the same ray from which this branch was split off, or −1 for the launched ray itself.
-    ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
+    ``exit_direction`` is the unit direction after the last vertex of a branch that escaped.
     """
 
     ray: int
@@ -163,12 +163,13 @@ class Trace(Result):
     ``method`` specifies how the rays were chosen: ``"fan"`` (uniformly), ``"sobol"`` (sixteen independent scrambled
     Sobol' samples) or ``"adaptive"``. ``truncated`` is the number of truncated branches, and ``truncated_at_mm``
     contains the first of their locations. Adaptive integration also reports the number of ``pieces`` and whether the
-    tolerance was ``reached``; if not, ``why`` gives the reason, and the powers lack the part that was not integrated.
+    tolerance was ``reached``; if not, ``why`` gives the reason, and the powers do not include the part that was not
+    integrated.
     ``single_error`` is the largest difference in receiver power between single and double precision, for a subset of
     the rays. In an extruded scene, ``missed`` and ``leaked`` are the parts of the escaped power that passed above or
-    below all bodies, and that left bodies through their top or bottom. ``reflected`` is the power reflected by a lens
-    that is not cylindrical, whatever its subsequent fate, and 0 for any other face. ``u_ledger``, ``u_missed`` and
-    ``u_leaked`` are the uncertainties, NaN if unknown.
+    below all bodies, and that left bodies through their top or bottom. ``reflected`` is the power reflected by the face
+    of a lens that varies with height, whatever its subsequent fate, and 0 for any other face. ``u_ledger``,
+    ``u_missed`` and ``u_leaked`` are the uncertainties, NaN if unknown.
     """
 
     mode: Mode
@@ -192,7 +193,7 @@ class Trace(Result):
     u_missed: float = math.nan
     u_leaked: float = math.nan
     reflected: float = 0.0
-    legs: NDArray[np.void] | None = field(default=None, metadata=HIDDEN)
+    segments: NDArray[np.void] | None = field(default=None, metadata=HIDDEN)
 
     @reported
     def simulated(self) -> bool:
@@ -205,11 +206,11 @@ class Trace(Result):
         return max((reading.u_power for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:
-        """Return the paths of all branches, in order of ray and branch; empty unless the trace stored its legs."""
-        if self.legs is None or len(self.legs) == 0:
+        """Return the paths of all branches, in order of ray and branch; empty unless the trace stored its segments."""
+        if self.segments is None or len(self.segments) == 0:
             return []
-        new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)
-        return [_path(part) for part in np.split(self.legs, np.flatnonzero(new) + 1)]
+        new = (np.diff(self.segments["ray"]) != 0) | (np.diff(self.segments["branch"]) != 0)
+        return [_path(part) for part in np.split(self.segments, np.flatnonzero(new) + 1)]
 
     def to_dataset(self, attributes: Mapping[str, str | int | float] | None = None) -> "xr.Dataset":
         """Return the trace as an `xarray.Dataset` with named dimensions and units; see `solen.trace.to_dataset`."""
@@ -218,25 +219,25 @@ class Trace(Result):
         return to_dataset(self, attributes)
 
 
-def in_order(legs: NDArray[np.void]) -> NDArray[np.void]:
+def in_order(segments: NDArray[np.void]) -> NDArray[np.void]:
     """Return ray segments in the order in which a `Trace` stores them."""
-    return np.asarray(legs[np.lexsort((legs["hit"], legs["branch"], legs["ray"]))])
+    return np.asarray(segments[np.lexsort((segments["hit"], segments["branch"], segments["ray"]))])
 
 
-def _path(legs: NDArray[np.void]) -> Path:
-    last = legs[-1]
-    starts = np.column_stack([legs["x_mm"], legs["z_mm"]])
+def _path(segments: NDArray[np.void]) -> Path:
+    last = segments[-1]
+    starts = np.column_stack([segments["x_mm"], segments["z_mm"]])
     escaped = not np.isfinite(last["length_mm"])
-    corners = (
+    vertices = (
         starts if escaped else np.vstack([starts, starts[-1] + last["length_mm"] * np.array([last["dx"], last["dz"]])])
     )
     return Path(
         ray=int(last["ray"]),
         branch=int(last["branch"]),
         parent=int(last["parent"]),
-        points_mm=corners,
-        interfaces=tuple(int(i) for i in legs["interface"] if i >= 0),
-        power=float(legs[0]["power_s"] + legs[0]["power_p"]),
+        points_mm=vertices,
+        interfaces=tuple(int(i) for i in segments["interface"] if i >= 0),
+        power=float(segments[0]["power_s"] + segments[0]["power_p"]),
         fate=FATES[int(last["fate"])],
         exit_direction=(float(last["dx"]), float(last["dz"])) if escaped else None,
     )

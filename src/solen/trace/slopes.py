@@ -2,7 +2,7 @@
 
 A power is a smooth function of the parameter, but its integrand is not, because the edges of the light move.
 Neighbouring scenes are therefore integrated over the same cells. The cells are halved according to the error of the
-difference between the two nearest scenes, in which common errors cancel. Further scenes are integrated over these
+difference between the two nearest scenes, in which common errors cancel. Further scenes are integrated over the same
 cells; a polynomial through all results gives the derivative, and one of lower degree gives an error estimate.
 """
 
@@ -19,58 +19,60 @@ from solen.trace.space import CHIP_TOLERANCE, LightInSpace
 
 OFFSETS = (1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
 """Parameter offsets in units of the step, beginning with the pair closest to zero."""
-_BEST, _PLAIN = np.array([3 / 2, -3 / 5, 1 / 10]), np.array([4 / 3, -1 / 3, 0.0])
+_DEGREE_6, _DEGREE_4 = np.array([3 / 2, -3 / 5, 1 / 10]), np.array([4 / 3, -1 / 3, 0.0])
 """Weights of the central differences for polynomials of degree six and four."""
-CLOSENESS, FLOOR = 0.03, 1e-7
-"""Factor on the path error, and accepted error of the change in a power over one step."""
-SHARE, CAUTION = 3e-4, 1.5
-POINT_SHARE, POINT_CAUTION = 1e-4, 2.5
-"""For point emitters, in place of ``SHARE`` and ``CAUTION`` for chips: accepted error as a fraction of the largest
-slope, and safety factor on the error estimated from halving. The estimate for a point is based on fewer cells,
-and points are faster.
+PATH_FACTOR, MIN_ERROR = 0.03, 1e-7
+"""Factor on the accepted path error, and accepted error of the change of a power over one step."""
+CHIP_ERROR, CHIP_SAFETY = 3e-4, 1.5
+POINT_ERROR, POINT_SAFETY = 1e-4, 2.5
+"""For chips and for point emitters: accepted error as a fraction of the largest slope, and safety factor on the error
+estimated from halving. The estimate for a point is based on fewer cells, and points are faster.
 """
 
 
 class Slopes(NamedTuple):
-    """Changes of powers (D,) per unit of a parameter, their differences from a lower-degree fit, and the rule error."""
+    """Changes of powers (D,) per unit of a parameter, differences from a fit of lower degree, and the rule error."""
 
     value: FloatArray
-    bent: FloatArray
+    fit_difference: FloatArray
     u: float
 
 
-def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: Rules, most_legs: int) -> Slopes:
+def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: Rules, max_segments: int) -> Slopes:
     """Return the slopes of the power at each receiver, from ``lights`` with the parameter offset by `OFFSETS`."""
-    each = [_of_colour(lights, colour, step, receivers, rules, most_legs) for colour in range(len(lights[0].weights))]
-    shares = np.array(lights[0].weights)
-    value, bent = shares @ [one.value for one in each], shares @ [one.bent for one in each]
-    return Slopes(value, bent, float(np.linalg.norm(shares * [one.u for one in each])))
+    colours = range(len(lights[0].weights))
+    results = [_of_colour(lights, colour, step, receivers, rules, max_segments) for colour in colours]
+    value, difference, u = (np.array(column) for column in zip(*results, strict=True))
+    weights = np.array(lights[0].weights)
+    return Slopes(weights @ value, weights @ difference, float(np.linalg.norm(weights * u)))
 
 
 def _of_colour(
-    lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, most_legs: int
+    lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, max_segments: int
 ) -> Slopes:
-    """Return the slopes at one wavelength, from the cells of an integral: only the edges of light may change."""
-    buffers = paths.path_buffers(lights[0].columns)
+    """Return the slopes at one wavelength, from the cells of an integral."""
+    buffers, chip = paths.path_buffers(lights[0].columns), lights[0].source.width_mm > 0.0
+    relative_error, safety = (CHIP_ERROR, CHIP_SAFETY) if chip else (POINT_ERROR, POINT_SAFETY)
     families = [light.families[colour]._replace(rules=rules) for light in lights]
-    overs = [
-        light.over(family, CHIP_TOLERANCE, buffers, CLOSENESS) for light, family in zip(lights, families, strict=True)
+    integrators = [
+        light.integrator(family, CHIP_TOLERANCE, buffers, PATH_FACTOR)
+        for light, family in zip(lights, families, strict=True)
     ]
 
     def change(bounds: Sequence[Bounds]) -> list[Cell]:
-        pairs = zip(overs[0](bounds), overs[1](bounds), strict=True)
+        pairs = zip(integrators[0](bounds), integrators[1](bounds), strict=True)
         return [high.minus(low, 1.5 / step) for high, low in pairs]
 
     buffers.counts[:] = 0
-    plain = lights[0].over(families[0], CHIP_TOLERANCE, buffers)
-    begun, _ = divided(plain, lights[0].first_cells, CHIP_TOLERANCE, most_legs, buffers.counts)
-    share, caution = (SHARE, CAUTION) if lights[0].source.width_mm > 0.0 else (POINT_SHARE, POINT_CAUTION)
-    first = change([cell.bounds for cell in begun] if begun else lights[0].first_cells)
-    for cells, u in refined(change, first, caution):
+    integral = lights[0].integrator(families[0], CHIP_TOLERANCE, buffers)
+    divided_cells, _ = divided(integral, lights[0].first_cells, CHIP_TOLERANCE, max_segments, buffers.counts)
+    initial = change([cell.bounds for cell in divided_cells] if divided_cells else lights[0].first_cells)
+    for cells, u in refined(change, initial, safety):
         largest = float(np.max(np.abs(cells.value[:receivers])))
-        if u <= max(share * largest, FLOOR / step) or buffers.counts[1] >= most_legs:
+        if u <= max(relative_error * largest, MIN_ERROR / step) or buffers.counts[1] >= max_segments:
             break
     bounds = [cell.bounds for cell in cells]
-    powers = np.array([np.sum([cell.value for cell in over(bounds)], axis=0) for over in overs])[:, :receivers]
+    sums = [np.sum([cell.value for cell in integrate(bounds)], axis=0) for integrate in integrators]
+    powers = np.array(sums)[:, :receivers]
     differences = (powers[::2] - powers[1::2]) / (2.0 * step * np.array(OFFSETS[::2]))[:, None]
-    return Slopes(_BEST @ differences, (_BEST - _PLAIN) @ differences, u)
+    return Slopes(_DEGREE_6 @ differences, (_DEGREE_6 - _DEGREE_4) @ differences, u)

@@ -18,8 +18,8 @@ from solen.trace.result import (
     ABSORBED,
     DETECTED,
     ESCAPED,
-    KEPT_PLACES,
-    LEG,
+    MAX_LOCATIONS,
+    SEGMENT_FIELDS,
     TRUNCATED,
     Crossed,
     Detected,
@@ -28,8 +28,8 @@ from solen.trace.result import (
 )
 
 
-def empty(job: Job, legs: int = 0) -> tally.Sums:
-    """Return empty sums, with room for this many legs."""
+def empty(job: Job, segments: int = 0) -> tally.Sums:
+    """Return empty sums, with room for ``segments`` ray segments."""
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
     return tally.Sums(
@@ -43,13 +43,13 @@ def empty(job: Job, legs: int = 0) -> tally.Sums:
         crossings=np.zeros(monitors, dtype=np.int64),
         maps=np.zeros(int(job.tables.bins.sum())),
         counts=np.zeros(4, dtype=np.int64),
-        place=np.full((2, KEPT_PLACES, 2), math.nan),
-        legs=np.empty((legs, tally.LEG_WIDTH)),
+        location=np.full((2, MAX_LOCATIONS, 2), math.nan),
+        segments=np.empty((segments, tally.SEGMENT_WIDTH)),
     )
 
 
 def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> tally.Sums:
-    """Return empty sums for many tasks, given the total numbers of receivers, monitors and map bins."""
+    """Return empty sums for many tasks, which have these total numbers of receivers, monitors and map bins."""
     return tally.Sums(
         fate=np.zeros((tasks, REFLECTED + 1)),
         detected=np.zeros(receivers),
@@ -61,66 +61,68 @@ def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> ta
         crossings=np.zeros(monitors, dtype=np.int64),
         maps=np.zeros(bins),
         counts=np.zeros((tasks, 4), dtype=np.int64),
-        place=np.full((tasks, 2, KEPT_PLACES, 2), math.nan),
-        legs=np.empty((0, tally.LEG_WIDTH)),
+        location=np.full((tasks, 2, MAX_LOCATIONS, 2), math.nan),
+        segments=np.empty((0, tally.SEGMENT_WIDTH)),
     )
 
 
 def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
-    """Add two sums; keep the first locations from both, and the legs from ``total``."""
+    """Return the total of two sums, with the first locations of both, and the segments of ``total``."""
     added = {
-        name: getattr(total, name) + getattr(sums, name) for name in tally.Sums._fields if name not in {"place", "legs"}
+        name: getattr(total, name) + getattr(sums, name)
+        for name in tally.Sums._fields
+        if name not in {"location", "segments"}
     }
-    return tally.Sums(**added, place=_first_places(total.place, sums.place), legs=total.legs)
+    return tally.Sums(**added, location=_first_locations(total.location, sums.location), segments=total.segments)
 
 
-def _first_places(*places: FloatArray) -> FloatArray:
+def _first_locations(*locations: FloatArray) -> FloatArray:
     """Return the first locations of undefined rays and of truncated rays."""
-    if np.isnan(places[-1][:, 0, 0]).all():
-        return places[0]
-    first_places = np.full((2, KEPT_PLACES, 2), math.nan)
+    if np.isnan(locations[-1][:, 0, 0]).all():
+        return locations[0]
+    first = np.full((2, MAX_LOCATIONS, 2), math.nan)
     for kind in range(2):
-        known = np.vstack([place[kind][~np.isnan(place[kind][:, 0])] for place in places])[:KEPT_PLACES]
-        first_places[kind, : len(known)] = known
-    return first_places
+        stored = np.vstack([location[kind][~np.isnan(location[kind][:, 0])] for location in locations])[:MAX_LOCATIONS]
+        first[kind, : len(stored)] = stored
+    return first
 
 
-def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
+def segments_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
     """Return the ray segments that a chunk stored, with powers as fractions of the emitted power."""
-    rows = sums.legs[: sums.counts[tally.LEGS]]
-    legs = np.empty(len(rows), dtype=LEG)
-    for column, name in enumerate(LEG.names or ()):
-        legs[name] = rows[:, column]
-    legs["power_s"] /= emitted
-    legs["power_p"] /= emitted
-    return legs
+    rows = sums.segments[: sums.counts[tally.SEGMENTS]]
+    segments = np.empty(len(rows), dtype=SEGMENT_FIELDS)
+    for column, name in enumerate(SEGMENT_FIELDS.names or ()):
+        segments[name] = rows[:, column]
+    segments["power_s"] /= emitted
+    segments["power_p"] /= emitted
+    return segments
 
 
 Counts = list[IntArray]
 """For each source, the number of rays in each group (G,); the number of groups may differ between sources."""
 
 
-def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
+def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, segments: NDArray[np.void] | None) -> Trace:
     """Return the trace of a job, given its sums by source and group and the corresponding numbers of rays."""
     scene, emitted = job.scene, job.scene.emitted
-    of_source = [reduce(add, groups) for groups in totals]
-    total = reduce(add, of_source)
+    by_source = [reduce(add, groups) for groups in totals]
+    total = reduce(add, by_source)
     ends = np.cumsum([monitor.bins for monitor in scene.monitors], dtype=int)[:-1]
     maps = np.split(total.maps / emitted, ends) if scene.monitors else []
     u_detected, u_crossed, u_fate = (_uncertainty(job, totals, rays, name) for name in ("detected", "crossed", "fate"))
     undefined_at_mm, truncated_at_mm = (
-        tuple((float(x), float(z)) for x, z in at if not math.isnan(x)) for at in total.place
+        tuple((float(x), float(z)) for x, z in points if not math.isnan(x)) for points in total.location
     )
     return Trace(
         mode=job.mode,
         method=job.sampling,
-        rays=sum(int(each.sum()) for each in rays),
+        rays=sum(int(groups.sum()) for groups in rays),
         detectors={
             name: Detected(
                 power=float(total.detected[i] / emitted),
                 u_power=float(u_detected[i]),
                 rays=int(total.arrived[i]),
-                power_by_source=tuple(float(sums.detected[i] / emitted) for sums in of_source),
+                power_by_source=tuple(float(sums.detected[i] / emitted) for sums in by_source),
                 optical_path_mm=float(total.optical[i] / total.detected[i]) if total.detected[i] > 0.0 else math.nan,
                 power_by_position=_positions(job, name, total),
                 power_by_angle=total.angle[i] / emitted,
@@ -138,14 +140,14 @@ def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray
         hits=int(total.counts[tally.HITS]),
         undefined=int(total.counts[tally.UNDEFINED]),
         undefined_at_mm=undefined_at_mm,
-        truncated=int(total.counts[tally.CUT]),
+        truncated=int(total.counts[tally.TRUNCATIONS]),
         truncated_at_mm=truncated_at_mm,
         missed=float(total.fate[tally.MISSED] / emitted),
         leaked=float(total.fate[tally.LEAKED] / emitted),
         u_missed=float(u_fate[tally.MISSED]),
         u_leaked=float(u_fate[tally.LEAKED]),
         reflected=float(total.fate[REFLECTED] / emitted),
-        legs=legs,
+        segments=segments,
     )
 
 
@@ -156,51 +158,54 @@ def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: s
     numbers of groups are treated as independent.
     """
     parts = []
-    for many in sorted({len(groups) for groups in totals}):
-        mine = [i for i, groups in enumerate(totals) if len(groups) == many]
-        found = np.sum([[getattr(sums, name) for sums in totals[i]] for i in mine], axis=0)
-        power = np.array([job.scene.sources[i].power for i in mine])
-        counts = np.array([rays[i] for i in mine])
-        all_rays = np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        unseen = np.array([_unseen(job.scene.sources[i], job.scene.extrusion is not None, many) for i in mine])
-        least = float(np.max(power * unseen / all_rays[:, 0]))
+    for count in sorted({len(groups) for groups in totals}):
+        indices = [i for i, groups in enumerate(totals) if len(groups) == count]
+        values = np.sum([[getattr(sums, name) for sums in totals[i]] for i in indices], axis=0)
+        power = np.array([job.scene.sources[i].power for i in indices])
+        ray_counts = np.array([rays[i] for i in indices])
+        all_rays = np.maximum(ray_counts.sum(axis=1, keepdims=True), 1)
+        error_rays = np.array(
+            [_common_error_rays(job.scene.sources[i], job.scene.extrusion is not None, count) for i in indices]
+        )
+        minimum = float(np.max(power * error_rays / all_rays[:, 0]))
         parts.append(
-            _spread(found, power @ (counts / all_rays), least / power.sum()) * (power.sum() / job.scene.emitted)
+            _group_uncertainty(values, power @ (ray_counts / all_rays), minimum / power.sum())
+            * (power.sum() / job.scene.emitted)
         )
     return np.asarray(reduce(np.hypot, parts))
 
 
-def _unseen(source: Source, in_space: bool, groups: int) -> float:
+def _common_error_rays(source: Source, in_space: bool, groups: int) -> float:
     """Return the number of rays by which both halves of a source may be wrong in the same way.
 
-    With one coordinate, a jump is missed by at most one ray. With two coordinates, a jump follows a line that crosses
-    about √N of the N cells of a lattice; each cell is cut at a practically random position, and contributes an error of
-    1/√12 of a ray. The visible region lies between two such lines.
+    With one coordinate, the error at a jump is at most one ray. With two coordinates, a jump follows a line that
+    crosses about √N of the N cells of a lattice; each cell is cut at a practically random position, and contributes an
+    error of 1/√12 of a ray. The visible region lies between two such lines.
     """
     if groups == HALVES and source.dimensions(in_space) > 1:
         return max(1.0, math.sqrt(math.sqrt(source.rays) / 6.0))
     return 1.0
 
 
-def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
-    """Return the uncertainty of the total from the values of the groups (G, …) with their power ``weight`` (G,).
+def _group_uncertainty(values: FloatArray, weight: FloatArray, minimum: float) -> FloatArray:
+    """Return the uncertainty of the total from the values of the groups (G, …), whose powers are ``weight`` (G,).
 
-    For the two halves of a lattice, the uncertainty is half of their difference, but at least ``least``, because they
+    For the two halves of a lattice, the uncertainty is half of their difference, but at least ``minimum``, because they
     can agree by chance. For independent samples, it is the standard error of their mean. It is NaN if a group has no
     rays.
     """
     if not np.all(weight > 0.0):
-        return np.full(spread.shape[1:], math.nan)
-    estimates = spread / weight[:, None]
+        return np.full(values.shape[1:], math.nan)
+    estimates = values / weight[:, None]
     if len(weight) == HALVES:
-        return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), least))
+        return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), minimum))
     error = np.std(estimates, axis=0, ddof=1) / math.sqrt(len(weight))
-    return np.where(error > 0.0, error, least)  # zero error in all samples does not prove that the error is zero
+    return np.where(error > 0.0, error, minimum)  # equal samples do not prove that the error is zero
 
 
 def _positions(job: Job, receiver: str, total: tally.Sums) -> FloatArray:
     """Return the histograms along each interface of a receiver."""
     if not job.position_bins:
         return np.empty((0, 0))
-    mine = [i for i, interface in enumerate(job.scene.interfaces) if interface.receiver == receiver]
-    return np.asarray(total.position[mine] / job.scene.emitted)
+    indices = [i for i, interface in enumerate(job.scene.interfaces) if interface.receiver == receiver]
+    return np.asarray(total.position[indices] / job.scene.emitted)

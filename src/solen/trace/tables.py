@@ -1,12 +1,12 @@
 """A scene as arrays: the interface between the description of a scene and the compiled tracing.
 
 There is one row per curve piece: its kind, its parameters (named in `solen.trace.kernel.rows`), its behaviour, the
-regions on its sides and its receiver. Most curves are one piece; a spline has one piece for each of its cubics. To add
-a curve, add a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
+regions on its two sides and its receiver. Most curves are one piece; a spline has one piece for each of its cubics. To
+add a type of curve, add a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -24,13 +24,14 @@ from solen.trace.grid import grid_of
 from solen.trace.kernel import rows
 
 WIDTH = len(rows.Oval._fields)
-LISTED = 5
+LAYER_WIDTH = 5
 CORNER_RAD = 1e-6
 """Largest angle at which a joint of two cubics counts as smooth."""
 BOX_MARGIN_MM, BOX_MARGIN = 1e-6, 1e-6
 """Margin of a box around its curve, absolute and relative, which exceeds rounding errors in either precision."""
-STRAIGHT = 1e-9
-SHARE_ROUNDING = 1e-9
+MIN_SINE = 1e-9
+"""Sine of the angle between two lines below which they are treated as parallel."""
+EFFICIENCY_ROUNDING = 1e-9
 Row = tuple[float, ...]
 
 
@@ -47,7 +48,7 @@ class Tables(NamedTuple):
     """(P, 4) lowest and highest x, lowest and highest z, with a margin"""
     owner: IntArray
     """(P,) index of the interface"""
-    before: IntArray
+    previous: IntArray
     """(P,) index of the piece of the same curve that it continues smoothly, −1 at the start of the curve or at a
     corner
     """
@@ -90,7 +91,7 @@ class Tables(NamedTuple):
     """(2,) lowest x and z of the grid"""
     grid_cell: NDArray[np.floating[Any]]
     """(2,) size of a grid cell"""
-    grid_many: IntArray
+    grid_count: IntArray
     """(2,) number of grid cells along x and z"""
     grid_first: IntArray
     """(cells + 1,) start of the pieces of each cell in ``grid_item``"""
@@ -100,69 +101,69 @@ class Tables(NamedTuple):
 
 def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> Tables:
     """Return the arrays of a scene in double or single precision; `DesignError` if a curve has no compiled form."""
-    names = {region.name: number for number, region in enumerate(scene.regions)}
+    regions = {region.name: number for number, region in enumerate(scene.regions)}
     receivers: dict[str | None, int] = {name: number for number, name in enumerate(scene.receivers)}
     receivers[None] = -1
-    found = [(i, piece) for i, interface in enumerate(scene.interfaces) for piece in _pieces(interface.curve)]
-    number, pieces = [i for i, _ in found], [piece for _, piece in found]
-    owners = [scene.interfaces[i] for i in number]
+    numbered = [(i, piece) for i, interface in enumerate(scene.interfaces) for piece in _pieces(interface.curve)]
+    owner, pieces = [i for i, _ in numbered], [piece for _, piece in numbered]
+    interfaces = [scene.interfaces[i] for i in owner]
     colours = scene.wavelengths_nm or (None,)
     bins = np.array([monitor.bins for monitor in scene.monitors], dtype=np.int64)
     curves = [piece.curve for piece in pieces]
     cells = grid_of(curves)
     treatment, treatments, layers = _treatments(scene)
     return Tables(
-        kind=_whole(piece.kind for piece in pieces),
+        kind=_integers(piece.kind for piece in pieces),
         shape=np.array([piece.row for piece in pieces], dtype).reshape(-1, WIDTH),
         middle=np.array([piece.middle for piece in pieces], dtype).reshape(-1, 2),
         box=np.array([piece.box for piece in pieces], dtype).reshape(-1, 4),
-        owner=_whole(number),
-        before=_before(scene.interfaces, number, curves),
-        behaviour=_whole(
-            BEHAVIOURS.index(owner.behaviour) + rows.TREATED * (treatment[i] >= 0)
-            for i, owner in zip(number, owners, strict=True)
+        owner=_integers(owner),
+        previous=_previous(scene.interfaces, owner, curves),
+        behaviour=_integers(
+            BEHAVIOURS.index(interface.behaviour) + rows.TREATED * (treatment[i] >= 0)
+            for i, interface in zip(owner, interfaces, strict=True)
         ),
-        treatment=_whole(treatment[i] for i in number),
-        left=_whole(names[owner.left] for owner in owners),
-        right=_whole(names[owner.right] for owner in owners),
-        receiver=_whole(receivers[owner.receiver] for owner in owners),
-        height=np.array([owner.height_mm or (-math.inf, math.inf) for owner in owners], dtype).reshape(-1, 2),
+        treatment=_integers(treatment[i] for i in owner),
+        left=_integers(regions[interface.left] for interface in interfaces),
+        right=_integers(regions[interface.right] for interface in interfaces),
+        receiver=_integers(receivers[interface.receiver] for interface in interfaces),
+        height=np.array([i.height_mm or (-math.inf, math.inf) for i in interfaces], dtype).reshape(-1, 2),
         refractive_index=np.array([[region.index_at(nm) for region in scene.regions] for nm in colours], dtype),
         absorption=np.array([[region.absorption_per_mm for region in scene.regions] for _ in colours], dtype),
         scattering=np.array([[region.scattering_per_mm for region in scene.regions] for _ in colours], dtype),
         anisotropy=np.array([[region.anisotropy for region in scene.regions] for _ in colours], dtype),
         wavelength=np.array([math.nan if nm is None else nm for nm in colours], dtype),
         treatments=np.array(treatments, dtype).reshape(-1, len(rows.Treatment._fields)),
-        layers=np.array([row + (0.0,) * (LISTED - len(row)) for row in layers], dtype).reshape(-1, LISTED),
+        layers=np.array([row + (0.0,) * (LAYER_WIDTH - len(row)) for row in layers], dtype).reshape(-1, LAYER_WIDTH),
         monitor=np.array([_segment(monitor.segment) for monitor in scene.monitors], dtype).reshape(-1, 5),
         bins=bins,
         first_bin=np.cumsum(bins) - bins,
         grid_low=cells.low.astype(dtype),
         grid_cell=cells.cell.astype(dtype),
-        grid_many=cells.many,
+        grid_count=cells.shape,
         grid_first=cells.first,
         grid_item=cells.item,
     )
 
 
-def _whole(numbers: Any) -> IntArray:
+def _integers(numbers: Iterable[int]) -> IntArray:
     return np.array(list(numbers), dtype=np.int64)
 
 
 def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
-    """Return the treatment row of each interface (or −1), those rows, and further rows: films, tables, orders."""
-    which: list[int] = []
+    """Return the index of the treatment of each interface (or −1), the treatments, and the rows of ``layers``."""
+    indices: list[int] = []
     treatments: list[rows.Treatment] = []
-    more: list[Row] = []
+    layers: list[Row] = []
     for interface in scene.interfaces:
         surface = interface.surface
-        which.append(-1 if surface is None else len(treatments))
+        indices.append(-1 if surface is None else len(treatments))
         if surface is not None:
             tables = (_table(surface.table), _table(surface.table_right))
             lists = (_films(surface), *tables, _orders(surface), _profile(surface.scatter))
-            treatments.append(_treatment(surface, len(more), *map(len, lists)))
-            more += [row for rows_of in lists for row in rows_of]
-    return which, treatments, more
+            treatments.append(_treatment(surface, len(layers), *map(len, lists)))
+            layers += [row for rows_of in lists for row in rows_of]
+    return indices, treatments, layers
 
 
 def _films(surface: Surface) -> list[Row]:
@@ -175,30 +176,29 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Return the rows of grating orders; raise `DesignError` if their sum exceeds 1, which would break the ledger."""
+    """Return the rows of grating orders; raise `DesignError` if they have more power than the incident light."""
     if surface.grating is None:
         return []
-    total = math.fsum(share for _, share in surface.grating.orders)
-    if total > 1.0 + SHARE_ROUNDING:
-        limit = "the power of its orders must not exceed that of the incident light"
-        raise DesignError("grating orders", value=f"a sum of {total:.6g}", limit=limit, remedy="reduce the fractions")
-    return [(float(order), share) for order, share in surface.grating.orders]
+    total = math.fsum(efficiency for _, efficiency in surface.grating.orders)
+    if total > 1.0 + EFFICIENCY_ROUNDING:
+        limit = f"the efficiencies of its orders add up to {total:.6g}, but the sum must be at most 1"
+        raise DesignError("grating orders", limit=limit, remedy="reduce the efficiencies")
+    return [(float(order), efficiency) for order, efficiency in surface.grating.orders]
 
 
 def _profile(scatter: Scatter | None) -> list[Row]:
-    """Return rows of a tabulated profile, with cumulative sums of its envelope by cell, in the plane and in space."""
+    """Return the rows of a tabulated profile, with cumulative sums of its envelope in the plane and in space."""
     if not isinstance(scatter, ScatterTable):
         return []
-    off, density = np.array(scatter.offset), np.array(scatter.density)
-    highest = np.maximum(density[1:], density[:-1])
-    flat, disc = (np.cumsum([0.0, *(highest * np.diff(off**power))]) for power in (1, 2))
-    return list(
-        zip(off.tolist(), density.tolist(), (flat / flat[-1]).tolist(), (disc / disc[-1]).tolist(), strict=True)
-    )
+    offset, density = np.array(scatter.offset), np.array(scatter.density)
+    envelope = np.maximum(density[1:], density[:-1])
+    plane, space = (np.cumsum([0.0, *(envelope * np.diff(offset**power))]) for power in (1, 2))
+    columns = (offset, density, plane / plane[-1], space / space[-1])
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _treatment(
-    surface: Surface, first: int, films: int, left: int, right: int, orders: int, offs: int
+    surface: Surface, first: int, films: int, left: int, right: int, orders: int, offset_count: int
 ) -> rows.Treatment:
     low, high = sorted(surface.band_nm) if surface.band_nm else (-math.inf, math.inf)
     scatter, texture, grating = surface.scatter, surface.texture, surface.grating
@@ -223,7 +223,7 @@ def _treatment(
         scatter=float(kind),
         width=width,
         wing=wing,
-        share=0.0 if scatter is None else scatter.share,
+        scatter_fraction=0.0 if scatter is None else scatter.share,
         tilt=texture.slope if texture else 0.0,
         across=float(texture is not None and texture.direction == "across"),
         first_layer=float(first),
@@ -232,34 +232,34 @@ def _treatment(
         rows=float(left + orders),
         rows_right=float(right),
         lines=-lines if grating is not None and grating.mirrored else lines,
-        first_off=float(first + films + left + right + orders),
-        offs=float(offs),
+        first_offset=float(first + films + left + right + orders),
+        offset_count=float(offset_count),
     )
 
 
-def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> IntArray:
+def _previous(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> IntArray:
     """Return the piece that each piece continues smoothly; in a closed curve the first piece follows the last."""
-    before = [here - 1 if here and owner[here - 1] == i else -1 for here, i in enumerate(owner)]
-    last = {i: here for here, i in enumerate(owner)}
-    for here, i in enumerate(owner):
+    previous = [piece - 1 if piece and owner[piece - 1] == i else -1 for piece, i in enumerate(owner)]
+    last = {i: piece for piece, i in enumerate(owner)}
+    for piece, i in enumerate(owner):
         curve = interfaces[i].curve
-        if before[here] < 0 and isinstance(curve, Spline | Bezier) and curve.closed:
-            before[here] = last[i]
-        if before[here] >= 0 and not _smooth(curves[before[here]], curves[here]):
-            before[here] = -1
-    return _whole(before)
+        if previous[piece] < 0 and isinstance(curve, Spline | Bezier) and curve.closed:
+            previous[piece] = last[i]
+        if previous[piece] >= 0 and not _join_smoothly(curves[previous[piece]], curves[piece]):
+            previous[piece] = -1
+    return _integers(previous)
 
 
-def _smooth(first: Curve, second: Curve) -> bool:
+def _join_smoothly(first: Curve, second: Curve) -> bool:
     """Whether two pieces join smoothly, so that a ray starting at the joint on one of them may meet the other."""
     if not (isinstance(first, Bezier) and isinstance(second, Bezier)):
         return False
-    arriving, leaving = unit(minus(first.b, first.control_b)), unit(minus(second.control_a, second.a))
-    return dot(arriving, leaving) > 0.0 and abs(cross(arriving, leaving)) < CORNER_RAD
+    before, after = unit(minus(first.b, first.control_b)), unit(minus(second.control_a, second.a))
+    return dot(before, after) > 0.0 and abs(cross(before, after)) < CORNER_RAD
 
 
 class _Piece(NamedTuple):
-    """A row of the curve table."""
+    """A piece of a curve and its entries in the tables."""
 
     kind: int
     row: Row
@@ -272,21 +272,23 @@ class _Piece(NamedTuple):
 def _pieces(curve: Curve) -> tuple[_Piece, ...]:
     """Return the pieces of a curve, cached because most curves do not change from one scene of a sweep to the next."""
     if isinstance(curve, Spline | Bezier):
-        rows_of = _cubics(curve)
+        parts = _cubics(curve)
     elif type(curve) in ROWS:
-        kind, row = ROWS[type(curve)]
-        rows_of = [(kind, row(curve), curve)]
+        kind, row_of = ROWS[type(curve)]
+        parts = [(kind, row_of(curve), curve)]
     else:
         known = ", ".join(cls.__name__ for cls in COMPILED)
-        raise DesignError(f"curve {type(curve).__name__}", limit=f"must be one of {known} for the compiled engine")
+        raise DesignError(
+            "curve", value=type(curve).__name__, limit=f"the compiled engine supports {known}", remedy="use one of them"
+        )
     return tuple(
         _Piece(kind, tuple(row) + (0.0,) * (WIDTH - len(row)), part.middle_point, _box(part, row), part)
-        for kind, row, part in rows_of
+        for kind, row, part in parts
     )
 
 
 def _box(curve: Curve, row: Row) -> Row:
-    """Bounding box of a curve, with a margin for its extension beyond the ends and for rounding."""
+    """Return the bounding box of a curve, with a margin for its extension beyond the ends and for rounding."""
     x, z = zip(*_hull(curve, row), strict=True)
     low_x, high_x, low_z, high_z = min(x), max(x), min(z), max(z)
     margin = BOX_MARGIN_MM + BOX_MARGIN * max(abs(low_x), abs(high_x), abs(low_z), abs(high_z))
@@ -294,7 +296,7 @@ def _box(curve: Curve, row: Row) -> Row:
 
 
 def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
-    """Points whose convex hull contains a curve."""
+    """Return points whose convex hull contains a curve."""
     if isinstance(row, rows.Oval):
         return ((row.ax, row.az), (row.bx, row.bz), (row.cx, row.cz), (row.dx, row.dz))
     if isinstance(curve, Segment):
@@ -308,10 +310,10 @@ def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
 
 
 def _tangent_hull(curve: Curve) -> tuple[Point, Point, Point, Point]:
-    """Ends of a curve that bends in one direction, and intersections of the end tangents with the midpoint tangent."""
+    """Return the ends of a convex curve, and the intersections of its end tangents with its midpoint tangent."""
     points = [(float(x), float(z)) for x, z in curve.points(np.array([0.0, 0.5, 1.0]))]
     tangents = [right_of(curve.normal_at(point)) for point in points]
-    corners = [_meeting(points[i], tangents[i], points[i + 1], tangents[i + 1]) for i in range(2)]
+    corners = [_intersection(points[i], tangents[i], points[i + 1], tangents[i + 1]) for i in range(2)]
     return (points[0], corners[0], corners[1], points[2])
 
 
@@ -326,7 +328,7 @@ def _arc(curve: Arc) -> rows.Arc:
 
 
 def _parabola(curve: Parabola) -> rows.Conic:
-    """Convert a parabola; its depth is to the right of its axis, and therefore to the left of the reversed axis."""
+    """Return the row of a parabola, with its axis reversed: w is on the left, a parabola's depth on the right."""
     lateral = (-curve.axis[0], -curve.axis[1])
     low, high = sorted((-curve.from_mm, -curve.to_mm))
     side = 1.0 if curve.to_mm < curve.from_mm else -1.0
@@ -341,23 +343,23 @@ def _conic(curve: Conic) -> rows.Conic:
 
 
 def _oval(curve: CartesianOval) -> rows.Oval:
-    local = _oval_of(
+    shape = _oval_shape(
         curve.n1, curve.n2, curve.object_mm, curve.image_mm, *sorted((curve.from_deg, curve.to_deg), reverse=True)
     )
     wx, wz = curve.axis
 
-    def place(point: Point) -> Point:
-        """Convert a point from the oval frame, whose axes point to the right of the oval axis and along it."""
+    def to_scene(point: Point) -> Point:
+        """Transform a point from the oval frame, whose axes point to the right of the oval axis and along it."""
         return (curve.vertex[0] + point[0] * wz + point[1] * wx, curve.vertex[1] - point[0] * wx + point[1] * wz)
 
-    left, b, c, right = (place(point) for point in local.hull)
+    left, b, c, right = (to_scene(point) for point in shape.hull)
     ray_right, ray_left = curve.end_rays
     side = 1.0 if curve.to_deg > curve.from_deg else -1.0
     foci = (*curve.object_focus, *curve.image_focus)
     return rows.Oval(
         *foci, curve.n1, curve.n2, curve.object_mm, curve.image_mm, *curve.vertex, *curve.axis, side,
         curve.constant_mm / curve.n2, *ray_right, *ray_left, *left, *b, *c, *right, *unit(minus(right, left)),
-        *local.fit,
+        *shape.fit,
     )  # fmt: skip
 
 
@@ -369,20 +371,20 @@ class _OvalShape(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: float, to_deg: float) -> _OvalShape:
-    """Hull and fit of a front traversed from its left end to its right; a sweep rotates the same front many times."""
+def _oval_shape(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: float, to_deg: float) -> _OvalShape:
+    """Return the hull and fit of an oval traversed from left to right, cached because a sweep only rotates it."""
     curve = CartesianOval((0.0, 0.0), (0.0, 1.0), n1, n2, object_mm, image_mm, from_deg, to_deg)
     r, w = curve.points(np.linspace(0.0, 1.0, 33)).T
     fit = np.linalg.lstsq(np.column_stack([np.ones_like(w), w, w * w]), r * r, rcond=None)[0]
     return _OvalShape(_tangent_hull(curve), (float(fit[0]), float(fit[1]), float(fit[2])))
 
 
-def _meeting(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
-    """Intersection of two lines; if they almost coincide, the point midway."""
-    slant = cross(along_a, along_b)
-    if abs(slant) < STRAIGHT:
+def _intersection(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
+    """Return the intersection of two lines; if they are almost parallel, the point midway between a and b."""
+    sine = cross(along_a, along_b)
+    if abs(sine) < MIN_SINE:
         return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))
-    t = cross(minus(b, a), along_b) / slant
+    t = cross(minus(b, a), along_b) / sine
     return (a[0] + t * along_a[0], a[1] + t * along_a[1])
 
 
@@ -390,9 +392,9 @@ def _cubics(curve: Bezier | Spline) -> list[tuple[int, Row, Curve]]:
     cubics: list[tuple[int, Row, Curve]] = []
     for number, piece in enumerate(curve.pieces):
         a, b, c, d = piece.control
-        begins, ends = number == 0, number == len(curve.pieces) - 1
-        before = 1.0 / (3.0 * math.dist(a, b)) if begins and not curve.closed else 0.0
-        after = 1.0 / (3.0 * math.dist(c, d)) if ends and not curve.closed else 0.0
+        is_first, is_last = number == 0, number == len(curve.pieces) - 1
+        before = 1.0 / (3.0 * math.dist(a, b)) if is_first and not curve.closed else 0.0
+        after = 1.0 / (3.0 * math.dist(c, d)) if is_last and not curve.closed else 0.0
         row = rows.Cubic(*a, *b, *c, *d, before, after, piece.u_from, piece.u_to)
         cubics.append((rows.CUBIC, row, Bezier(a, b, c, d)))
     return cubics

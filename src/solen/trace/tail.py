@@ -1,11 +1,11 @@
-"""The remainder of an exact integration, sampled.
+"""Sampling of the light that an exact integration does not follow to its end: the *tail*.
 
 Integration follows branches down to a minimum weight and up to a maximum number of interfaces. Beyond these limits,
-light that is trapped or split many times is not a smooth function of its starting point. It carries little power,
-however, and can be sampled from scrambled Sobol' points: each sample follows the branches that were left, and at every
-interface continues one randomly drawn part. The mean over independent scramblings is unbiased, and their differences
-give its uncertainty. The total remainder is known from the integration, so only its distribution over the receivers is
-sampled, as a ratio of two means.
+light is trapped or was split many times, and is not a smooth function of its starting point. It carries little power,
+however, and can be sampled from scrambled Sobol' points: each sample follows the branches that the integration stopped,
+and continues with one randomly drawn part at every interface. The mean over independent scramblings is unbiased, and
+their differences give its uncertainty. The total power of the tail is known from the integration, so only its
+distribution over the receivers is sampled, as a ratio of two means.
 """
 
 import math
@@ -25,12 +25,12 @@ from solen.trace.kernel.nearest import Walls
 SCRAMBLINGS, SEED = 16, 20260
 FIRST_SAMPLES, MAX_SAMPLES = 32, 1 << 22
 """Initial and maximum number of samples per scrambling."""
-WIDENED = 1.07
-"""Standard deviation of Student's t distribution with 15 degrees of freedom."""
+STUDENT_FACTOR = 1.07
+"""Factor on standard errors from 16 scramblings: the standard deviation of Student's t with 15 degrees of freedom."""
 
 
 class Tail(NamedTuple):
-    """Light from a source whose tail can be sampled; ``family_of`` returns the rays for one spectral line."""
+    """Light from a source whose tail is sampled; ``family_of`` returns the family of rays of a spectral line."""
 
     walls: Walls
     source: Source
@@ -38,57 +38,63 @@ class Tail(NamedTuple):
     columns: int
     family_of: Callable[[int], FamilyInSpace]
 
-    def added(self, found: Integral, tolerance: float, most_hits: int, most_legs: int) -> Integral:
-        """Complete an integral with its sampled tail, until the uncertainty or the number of segments is reached.
+    def completed(self, integral: Integral, tolerance: float, max_hits: int, max_segments: int) -> Integral:
+        """Return an integral with its tail, sampled until the tolerance or the number of segments is reached.
 
-        If ``most_legs`` segments cannot suffice, only a tenth of them is used.
+        If ``max_segments`` segments cannot suffice, only a tenth of them is used.
         """
         buffers = paths.path_buffers(self.columns)
         dimensions = self.source.dimensions(self.in_space)
-        points = [sample(dimensions, (SEED, copy)) for copy in range(SCRAMBLINGS)]
-        totals, done, many, legs = np.zeros((SCRAMBLINGS, self.columns)), 0, FIRST_SAMPLES, 0
+        nets = [sample(dimensions, (SEED, copy)) for copy in range(SCRAMBLINGS)]
+        totals, first, count, segments = np.zeros((SCRAMBLINGS, self.columns)), 0, FIRST_SAMPLES, 0
         while True:
-            for copy, at in enumerate(points):
-                legs += self._sum(at(done, many), copy * MAX_SAMPLES + done, most_hits, buffers, totals[copy])
-            share, u = divided(totals / many, found.unfinished)
-            hopeless = legs * (u / tolerance) ** 2 > 4.0 * most_legs
-            if u <= tolerance or 2 * many > MAX_SAMPLES or 2 * legs > (0.1 if hopeless else 1.0) * most_legs:
+            for copy, points_of in enumerate(nets):
+                segments += self._sum(
+                    points_of(first, count), copy * MAX_SAMPLES + first, max_hits, buffers, totals[copy]
+                )
+            powers, u = distributed(totals / count, integral.unfinished)
+            insufficient = segments * (u / tolerance) ** 2 > 4.0 * max_segments
+            if (
+                u <= tolerance
+                or 2 * count > MAX_SAMPLES
+                or 2 * segments > (0.1 if insufficient else 1.0) * max_segments
+            ):
                 break
-            done, many = many, 2 * many
-        rays = np.array([SCRAMBLINGS * many, legs, 0, 0])
-        return found._replace(
-            share=found.share + share[: len(found.share)],
-            error=math.hypot(found.error, u),
-            counts=found.counts + rays,
-            missed=found.missed + float(share[-2]),
-            leaked=found.leaked + float(share[-1]),
+            first, count = count, 2 * count
+        rays = np.array([SCRAMBLINGS * count, segments, 0, 0])
+        return integral._replace(
+            powers=integral.powers + powers[: len(integral.powers)],
+            error=math.hypot(integral.error, u),
+            counts=integral.counts + rays,
+            missed=integral.missed + float(powers[-2]),
+            leaked=integral.leaked + float(powers[-1]),
         )
 
-    def _sum(self, u: FloatArray, first: int, most_hits: int, buffers: paths.PathBuffers, total: FloatArray) -> int:
-        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; return the number of segments."""
+    def _sum(self, u: FloatArray, first: int, max_hits: int, buffers: paths.PathBuffers, total: FloatArray) -> int:
+        """Add the tails of samples at points ``u`` (N, dimensions) in the unit cube; return the number of segments."""
         launch = self.source.launch_at(u, len(u), self.in_space)
-        rise = np.zeros(len(launch)) if launch.dy is None else launch.dy
-        starts = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, rise, launch.dz])
-        legs = 0
+        dy = np.zeros(len(launch)) if launch.dy is None else launch.dy
+        starts = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, dy, launch.dz])
+        segments = 0
         for line in np.unique(launch.line).tolist():
-            chosen = np.ascontiguousarray(starts[launch.line == line])
-            legs += paths.sample_tails(
-                DOUBLE, self.walls, self.family_of(line), chosen, first, most_hits, buffers, total
+            line_starts = np.ascontiguousarray(starts[launch.line == line])
+            segments += paths.sample_tails(
+                DOUBLE, self.walls, self.family_of(line), line_starts, first, max_hits, buffers, total
             )
-        return legs
+        return segments
 
 
-def divided(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
-    """Divide the unfinished power in proportion to the means (R, columns) of R scramblings; the last is the total.
+def distributed(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
+    """Distribute the unfinished power in proportion to the means (R, columns) of R scramblings; the last is the total.
 
-    Returns the fractions (columns − 1,) and their uncertainty, which is that of a ratio of means (Cochran, Sampling
-    Techniques, 3rd ed., 1977, section 6.4). If too few samples contain any power, the uncertainty is the entire
-    unfinished power.
+    Return the powers (columns − 1,) and their uncertainty, which is that of a ratio of means (Cochran, Sampling
+    Techniques, 3rd ed., 1977, section 6.4). If a scrambling contains no power, the uncertainty is the entire unfinished
+    power.
     """
-    parts, all_of_it = means[:, :-1], means[:, -1]
-    if np.count_nonzero(all_of_it) < len(means):
+    parts, total = means[:, :-1], means[:, -1]
+    if np.count_nonzero(total) < len(means):
         return np.zeros(parts.shape[1]), unfinished
-    ratio = parts.mean(axis=0) / all_of_it.mean()
-    apart = (parts - ratio * all_of_it[:, None]) / all_of_it.mean()
-    u = np.sqrt(np.sum(apart**2, axis=0) / (len(means) * (len(means) - 1)))
-    return unfinished * ratio, float(WIDENED * unfinished * u.max())
+    ratio = parts.mean(axis=0) / total.mean()
+    deviations = (parts - ratio * total[:, None]) / total.mean()
+    u = np.sqrt(np.sum(deviations**2, axis=0) / (len(means) * (len(means) - 1)))
+    return unfinished * ratio, float(STUDENT_FACTOR * unfinished * u.max())

@@ -8,7 +8,7 @@ from solen.pipeline.design.check import lens as lens
 from solen.results import scalars
 from solen.sensor import Check, Focus, LensCheck
 from solen.sensor.network import NetworkCheck
-from solen.trace.described import SceneCheck
+from solen.trace.scene_file import SceneCheck
 
 
 @lines.register

@@ -18,8 +18,8 @@ from solen.results import Outcome
 from solen.sensor.network import NetworkResponse, NetworkTrace
 from solen.sensor.traced import DesignTrace, value_text
 from solen.trace import Trace
-from solen.trace.described import SceneTrace
 from solen.trace.options import TraceOptions
+from solen.trace.scene_file import SceneTrace
 
 
 class DesignOptions(TraceOptions):

@@ -145,7 +145,7 @@ class Evaluator:
             if isinstance(lens, SplineLens):
                 min_um = self.task.min_feature_um(lens)
                 text = f"lens without features below {min_um:.3g} µm"
-                violations[text] = max(violations.get(text, 0.0), lens.missed_share(min_um))
+                violations[text] = max(violations.get(text, 0.0), lens.fine_feature_excess(min_um))
         return violations
 
     def _goal_result(

@@ -26,7 +26,7 @@ from solen.fabricate.process.solid import slabs
 from solen.fabricate.process.stack import Rings, Stack
 from solen.fabricate.process.target import Target
 from solen.geometry import Body, section
-from solen.lens import GivenLayers, LensInSpace, Profiles, layer_edges_mm
+from solen.lens import LayeredLensFromFile, LayerProfiles, LensInSpace, layer_edges_mm
 from solen.progress import Progress
 from solen.results import HIDDEN
 
@@ -62,7 +62,7 @@ class PrintedFace:
         Deviation (L, N) along the normals of the intended walls, at N points from the axis to the edge; positive for
         excess material.
     drawn, printed
-        Profiles as drawn and as printed.
+        LayerProfiles as drawn and as printed.
     rounds_um
         For a compensation, RMS deviation after each round, without the edge of the aperture.
     """
@@ -165,16 +165,16 @@ class FacePrint:
                 break
         return replace(best, rounds_um=tuple(rounds))
 
-    def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
+    def profiles(self, z: FloatArray, name: str, warning: str) -> LayerProfiles:
         """Return profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
-        return Profiles(name, self.lens.half_width_mm, self.edges_mm, z[::-1], simulated=True, warnings=(warning,))
+        return LayerProfiles(name, self.lens.half_width_mm, self.edges_mm, z[::-1], simulated=True, warnings=(warning,))
 
-    def lens_of(self, given: Profiles) -> GivenLayers:
+    def lens_of(self, given: LayerProfiles) -> LayeredLensFromFile:
         """Return the lens with the given profiles."""
         lens = self.lens
         numbers = (lens.distance_mm, lens.focus_mm, lens.half_width_mm, lens.design_index, lens.outside_index)
         layer_mm = lens.thickness_mm / len(given.z_mm)
-        return GivenLayers(*numbers, thickness_mm=lens.thickness_mm, layer_mm=layer_mm, given=given)
+        return LayeredLensFromFile(*numbers, thickness_mm=lens.thickness_mm, layer_mm=layer_mm, file=given)
 
     @cached_property
     def _uncompensated(self) -> Stack:

@@ -237,7 +237,7 @@ def _feature_warnings(sensor: Sensor, settings: Settings) -> list[Caution]:
     if not isinstance(sensor.cut, SplineLens):
         return []
     limit = "the width of a bump that prints with 90 % of its height"
-    return [warning(text) for text in sensor.cut.too_fine(settings.min_feature_um, limit)]
+    return [warning(text) for text in sensor.cut.fine_feature_warnings(settings.min_feature_um, limit)]
 
 
 def _layer_warnings(prediction: PrintedDesign) -> list[Caution]:

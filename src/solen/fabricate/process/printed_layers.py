@@ -22,7 +22,7 @@ from solen.fabricate.process.predict import half_difference
 from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.source import PrintOptions, curve_cautions, process_of, with_resin
-from solen.lens import LensInSpace, Profiles, layers_text
+from solen.lens import LayerProfiles, LensInSpace, layers_text
 from solen.progress import Progress, part_of
 from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Provenance
@@ -141,7 +141,7 @@ class PrintedLayers(Result):
         return ratios
 
     @property
-    def profile(self) -> Profiles:
+    def profile(self) -> LayerProfiles:
         """Printed face, in the form of ``lens.profile`` of a layered lens."""
         return printed_profiles(self.model, self.face, self.name, self.process)
 
@@ -215,7 +215,7 @@ def layer_files(prediction: PrintedLayers, out: Path | None, compensate: Path | 
     return contents | {printed: layers_text(profiles).encode()}
 
 
-def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
+def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> LayerProfiles:
     """Return the profiles of a printed face, marked as simulated."""
     caution = f"predicted by a print model ({process}), not measured"
     return model.profiles(face.printed, f"{name}, printed by the model", caution)

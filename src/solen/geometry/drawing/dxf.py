@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Curve, Segment, Spline, fitted
+from solen.curve import Arc, Curve, Segment, Spline, fitted_spline
 from solen.errors import DataError
 from solen.extras import need
 from solen.geometry.drawing.model import (
@@ -179,7 +179,7 @@ class _Reader:
             knots = low + np.clip(u, 0.0, BEFORE_END) * (high - low)
             return np.array([self._point(row[n]) for row in tool.derivatives(knots.tolist(), n)]) * (high - low) ** n
 
-        return fitted(lambda u: derivative(u, 0), lambda u: derivative(u, 1), SHAPE_TOLERANCE_MM)
+        return fitted_spline(lambda u: derivative(u, 0), lambda u: derivative(u, 1), SHAPE_TOLERANCE_MM)
 
     def _point(self, vector: Any) -> Point:
         return (self._scale * float(vector.x), self._scale * float(vector.y))

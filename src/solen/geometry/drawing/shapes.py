@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Bezier, Curve, Segment, Spline, cut, fitted
+from solen.curve import Arc, Bezier, Curve, Segment, Spline, cut, fitted_spline
 from solen.plane import Point, cross, dot, minus
 
 SHAPE_TOLERANCE_MM = 1e-8
@@ -38,7 +38,7 @@ def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Cu
         angle = start + fraction * sweep
         return np.asarray(sweep * np.column_stack([-np.sin(angle), np.cos(angle)]) @ axes)
 
-    return fitted(point, velocity, SHAPE_TOLERANCE_MM, tuple(np.linspace(0.0, 1.0, 5)))
+    return fitted_spline(point, velocity, SHAPE_TOLERANCE_MM, tuple(np.linspace(0.0, 1.0, 5)))
 
 
 def beziers(segments: Sequence[Sequence[Point]]) -> Curve | None:

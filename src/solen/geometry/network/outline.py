@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from solen.curve import Arc, Bezier, Curve, Measure, Segment
+from solen.curve import Arc, ArcLength, Bezier, Curve, Segment
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Face, Pose, point_text
 from solen.geometry.network.corners import Run, cut_at, joined
@@ -86,7 +86,7 @@ class Walk:
         run, network = self.runs[side_key], self.plan.network
         curve, from_end = run.remaining, side == "left"
         low, high = (run.high, 1.0) if from_end else (0.0, run.low)  # the part that a corner has removed
-        begins_mm = Measure(run.curve.part(low, high)).length_mm if low < high else 0.0
+        begins_mm = ArcLength(run.curve.part(low, high)).length_mm if low < high else 0.0
         guide_face = Face(f"{name}-{side}", curve, from_end=from_end, begins_mm=begins_mm)
         parts: list[Part] = [lens for lens in network.lenses if (lens.guide, lens.side) == side_key]
         parts += [receiver for receiver in network.receivers if (receiver.guide, receiver.side) == side_key]
@@ -201,7 +201,7 @@ class Walk:
 
     def _divided(self, side: Face, parts: list[Part]) -> list[Face]:
         """Return a side divided by the receivers and lenses on it."""
-        measure = Measure(side.curve)
+        measure = ArcLength(side.curve)
         ranges = sorted(((*self._range_mm(part), part) for part in parts), key=lambda row: row[:2])
         faces: list[Face] = []
         start_mm = side.begins_mm
@@ -222,7 +222,7 @@ class Walk:
             faces.append(_segment(side, measure, start_mm, end_mm))
         return faces[::-1] if side.from_end else faces
 
-    def _part_faces(self, side: Face, measure: Measure, low: float, high: float, placed: Part) -> list[Face]:
+    def _part_faces(self, side: Face, measure: ArcLength, low: float, high: float, placed: Part) -> list[Face]:
         """Return the faces of a receiver or a lens on a side, in order of length along it."""
         segment = _segment(side, measure, low, high)
         if isinstance(placed, PlacedReceiver):
@@ -383,7 +383,7 @@ def _frame(base: Point, inward: Point, depth_mm: float) -> Rigid:
     return Rigid(z, -x, along(base, inward, -depth_mm))
 
 
-def _segment(side: Face, measure: Measure, low: float, high: float) -> Face:
+def _segment(side: Face, measure: ArcLength, low: float, high: float) -> Face:
     """Return the part of a side between two lengths along it."""
     length_mm = measure.length_mm
     low, high = low - side.begins_mm, high - side.begins_mm

@@ -15,7 +15,18 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, Bezier, Curve, Function, Measure, Parabola, Segment, Spline, carried, fitted
+from solen.curve import (
+    Arc,
+    ArcLength,
+    Bezier,
+    Curve,
+    Function,
+    Parabola,
+    Segment,
+    Spline,
+    displaced_spline,
+    fitted_spline,
+)
 from solen.errors import DesignError
 from solen.geometry.bend import BEND_TOLERANCE_MM as WALL_TOLERANCE_MM
 from solen.geometry.bend import MAX_RADIUS_MM
@@ -53,7 +64,7 @@ class Spine:
         """Return a line between two points: straight, an arc, or a spline through further points."""
         if through:
             free = Spline.through([start, *through, end])
-            return cls(start, unit(free.velocity_at(0.0)), Measure(free).length_mm, free=free)
+            return cls(start, unit(free.velocity_at(0.0)), ArcLength(free).length_mm, free=free)
         half = math.radians(0.5 * turn_deg)
         chord = unit(minus(end, start))
         first = Rigid(math.cos(half), -math.sin(half)).vector(chord) if turn_deg else chord
@@ -130,13 +141,13 @@ class Spine:
             a, b, c, d = (value * self.length_mm**i for i, value in enumerate(offset))
             offsets = (a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d)
             return Bezier(*(along(along(first, self.direction, i * third), right, x) for i, x in enumerate(offsets)))
-        return fitted(*self._wall_functions(offset), WALL_TOLERANCE_MM)
+        return fitted_spline(*self._wall_functions(offset), WALL_TOLERANCE_MM)
 
     def _wall_along_arc(self, offset: Offset, what: str) -> Curve:
         per_mm = math.radians(self.turn_deg) / self.length_mm
         self._check_fold(polynomial.polyval(np.linspace(0.0, self.length_mm, SAMPLES), offset), per_mm, what)
         if len(offset) > 1 or abs(1.0 / per_mm) > MAX_RADIUS_MM:
-            return fitted(*self._wall_functions(offset), WALL_TOLERANCE_MM)
+            return fitted_spline(*self._wall_functions(offset), WALL_TOLERANCE_MM)
         radius = 1.0 / per_mm  # positive towards the left
         center = along(self.start, left_of(self.direction), radius)
         x, z = right_of(self.direction) if radius > 0.0 else left_of(self.direction)
@@ -186,7 +197,7 @@ class Spine:
 
             return point, velocity, (0.0, 1.0)
 
-        return carried(free, carry, WALL_TOLERANCE_MM)
+        return displaced_spline(free, carry, WALL_TOLERANCE_MM)
 
     @cached_property
     def _panel_points(self) -> FloatArray:
@@ -207,9 +218,9 @@ class Spine:
         return np.asarray(half[:, None] * np.einsum("k,nkd->nd", WEIGHTS, velocities))
 
     @cached_property
-    def _measure(self) -> Measure:
+    def _measure(self) -> ArcLength:
         assert self.free is not None  # noqa: S101  only called for a free line
-        return Measure(self.free)
+        return ArcLength(self.free)
 
     def _wall_functions(self, offset: Offset) -> tuple[Function, Function]:
         """Return the points and velocities of a wall of a straight line or an arc, as functions of the fraction."""

@@ -11,7 +11,7 @@ from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
 from solen.sensor import check as check_sensor
 from solen.sensor.network import NetworkCheck, network_check
-from solen.trace.described import SceneCheck, open_scene, scene_check
+from solen.trace.scene_file import SceneCheck, open_scene, scene_check
 
 
 def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | SceneCheck]:

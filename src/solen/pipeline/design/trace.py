@@ -29,8 +29,8 @@ from solen.sensor.traced import (
 from solen.spec import dumps, with_values
 from solen.trace import Mode, Trace
 from solen.trace.dataset import Attributes, check_installed, writer
-from solen.trace.described import SceneTrace, described, open_scene, trace_scene
 from solen.trace.options import TraceOptions, check_paths
+from solen.trace.scene_file import SceneTrace, label_trace, open_scene, trace_scene
 
 
 def trace(
@@ -87,7 +87,7 @@ def trace_file(
         limit = "draws the plane, but the rays of this scene are in space"
         raise SpecError("--figure", limit=limit, remedy="omit it")
     traced = trace_scene(file, options, paths=paths or figure.figure is not None)
-    result = described(file, traced, paths=paths)
+    result = label_trace(file, traced, paths=paths)
 
     attributes: Attributes = {"name": result.name, "format": result.format}
     return Outcome(result, _written(result, attributes, "scene", figure, netcdf))

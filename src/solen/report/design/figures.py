@@ -25,7 +25,7 @@ from solen.scene import Scene
 from solen.sensor import SATURATION_CONTRAST, Case, DesignStudy, Practice, Response, Sensor
 from solen.sensor.traced import DesignTrace
 from solen.trace import Convergence, Mode, Path, Trace, trace_reference
-from solen.trace.described import SceneTrace
+from solen.trace.scene_file import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
 OTHER_COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#6A3D9A", "#8C6D31")
@@ -174,7 +174,7 @@ def sensor_view(
     unit = sensor.design.motion.unit
     title = f"{lens}{angle_deg:g} {unit}" if unit != "deg" else f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
     scene = replace(sensor.scene(angle_deg, rays), extrusion=None, front=None)
-    return title, sensor.body(angle_deg), scene, trace_reference(scene, mode, legs=True)
+    return title, sensor.body(angle_deg), scene, trace_reference(scene, mode, segments=True)
 
 
 def scene_figure(trace: SceneTrace) -> Figure:
@@ -186,7 +186,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
         If the trace did not store its paths.
     """
     scene, unit = trace.scene, trace.length_unit
-    if trace.legs is None:
+    if trace.segments is None:
         raise OutputError("plot", limit="the trace did not store its paths", remedy="trace the scene with paths=True")
     figure = Figure(figsize=(6.4, 5.2))
     axes = figure.add_subplot()

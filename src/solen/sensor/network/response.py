@@ -22,7 +22,7 @@ from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 from solen.spec.placed import lit, state_of
 from solen.trace import Mode, Trace
-from solen.trace.nets import by_nets
+from solen.trace.nets import integrate_by_nets
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.result import Ledger
 
@@ -198,11 +198,11 @@ def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
     if tolerance < MIN_SAMPLED_TOLERANCE:
         return sensor.reading(tolerance=tolerance)[0]
     first_rays = max(2 ** round(math.log2(RAYS_AT_UNIT_TOLERANCE / tolerance**2)), MIN_RAYS)
-    return by_nets(
+    return integrate_by_nets(
         sensor.scene(),
         tolerance / NET_UNCERTAINTY,
         "roulette",
-        most_rays=MAX_SAMPLED,
+        max_rays=MAX_SAMPLED,
         threads=1,
         first_rays=first_rays,
         seed=lattice,

@@ -16,7 +16,7 @@ from statistics import median
 
 import numpy as np
 
-from solen.curve.length import Measure
+from solen.curve.length import ArcLength
 from solen.errors import DesignError, SolenError
 from solen.geometry.network import at_rest
 from solen.progress import Progress, part_of, tracked
@@ -131,7 +131,7 @@ def _on_sides(design: Design) -> Iterator[Trial]:
     width = median(lengths) if lengths else WIDTH_MM
     for name, guide_path in at_rest(design).paths.items():
         for side, wall in guide_path.walls.items():
-            length = Measure(wall).length_mm
+            length = ArcLength(wall).length_mm
             new = _new_name(design, f"{name}-{side}")
             for fraction in SIDE_FRACTIONS:
                 at_mm = round(fraction * length, 1)

@@ -26,7 +26,7 @@ class Starts(NamedTuple):
 
 
 class Tasks(NamedTuple):
-    """Tasks, each with one source of one scene and one group of its rays; fields are (J,), or (J + 1,) for starts."""
+    """Tasks (J,), each with one group of the rays of one source of one scene; starts of rows are (J + 1,)."""
 
     scene: IntArray
     first: IntArray
@@ -47,13 +47,13 @@ def tables_of(tables: Tables, starts: Starts, i: int) -> Tables:
     g, h = 2 * i, 2 * i + 2
     return Tables(
         tables.kind[p:q], tables.shape[p:q], tables.middle[p:q], tables.box[p:q], tables.owner[p:q],
-        tables.before[p:q], tables.behaviour[p:q], tables.treatment[p:q], tables.left[p:q], tables.right[p:q],
+        tables.previous[p:q], tables.behaviour[p:q], tables.treatment[p:q], tables.left[p:q], tables.right[p:q],
         tables.receiver[p:q], tables.height[p:q], tables.refractive_index[v:w], tables.absorption[v:w],
         tables.scattering[v:w], tables.anisotropy[v:w], tables.wavelength[v:w],
         tables.treatments[starts.treatment[i] : starts.treatment[i + 1]],
         tables.layers[starts.layer[i] : starts.layer[i + 1]],
         tables.monitor[m:n], tables.bins[m:n], tables.first_bin[m:n],
-        tables.grid_low[g:h], tables.grid_cell[g:h], tables.grid_many[g:h],
+        tables.grid_low[g:h], tables.grid_cell[g:h], tables.grid_count[g:h],
         tables.grid_first[starts.cell[i] : starts.cell[i + 1]], tables.grid_item[starts.item[i] : starts.item[i + 1]],
     )  # fmt: skip
 
@@ -66,7 +66,7 @@ def sums_of(sums: Sums, tasks: Tasks, j: int) -> Sums:
     return Sums(
         sums.fate[j], sums.detected[d:e], sums.arrived[d:e], sums.optical[d:e], sums.position, sums.angle,
         sums.crossed[a:b], sums.crossings[a:b], sums.maps[tasks.bin[j] : tasks.bin[j + 1]], sums.counts[j],
-        sums.place[j], sums.legs,
+        sums.location[j], sums.segments,
     )  # fmt: skip
 
 
@@ -86,14 +86,16 @@ def trace_tasks(
 ) -> bool:
     """Trace the tasks from ``begin`` up to ``stop``; return False if there is no room for all waiting branches.
 
-    In ``sums``, fate, counts and place have one row per task; receivers, monitors and bins have their own starts.
+    In ``sums``, fate, counts and location have one row per task; receivers, monitors and bins have starts of their own.
     """
     for j in range(begin, stop):
         i = tasks.scene[j]
-        mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)
+        task_tables, task_sums = tables_of(tables, starts, i), sums_of(sums, tasks, j)
         x, y = tasks.ray[j], tasks.ray[j + 1]
-        some = Rows(rays.x[x:y], rays.z[x:y], rays.dx[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y], rays.colour[x:y])
-        rule = Rules(
+        task_rays = Rows(
+            rays.x[x:y], rays.z[x:y], rays.dx[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y], rays.colour[x:y]
+        )
+        task_rules = Rules(
             rules.splitting,
             rules.min_weight,
             rules.max_hits,
@@ -102,17 +104,25 @@ def trace_tasks(
             tasks.step[j],
             rules.turbid,
         )
-        own_buffers = Buffers(
+        task_buffers = Buffers(
             buffers.state,
             buffers.tags,
-            buffers.found,
+            buffers.hit,
             buffers.waiting_state,
             buffers.waiting_tags,
             buffers.branches[: y - x],
         )
         for ray in range(y - x):
-            own_buffers.branches[ray] = 1
-        if not trace_rays(k, mine, own, some, rule, own_buffers, None if treatments is None else mine.treatments):
+            task_buffers.branches[ray] = 1
+        if not trace_rays(
+            k,
+            task_tables,
+            task_sums,
+            task_rays,
+            task_rules,
+            task_buffers,
+            None if treatments is None else task_tables.treatments,
+        ):
             return False
     return True
 
@@ -125,12 +135,12 @@ def trace_tasks_in_space(
     """As `trace_tasks`, for all tasks in space, where all scenes share one slab."""
     for j in range(len(tasks.scene)):
         i = tasks.scene[j]
-        mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)
+        task_tables, task_sums = tables_of(tables, starts, i), sums_of(sums, tasks, j)
         x, y = tasks.ray[j], tasks.ray[j + 1]
-        some = RowsInSpace(
+        task_rays = RowsInSpace(
             rays.x[x:y], rays.y[x:y], rays.z[x:y], rays.dx[x:y], rays.dy[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y],
             rays.cr[x:y], rays.ci[x:y], rays.optical[x:y], rays.colour[x:y],
         )  # fmt: skip
-        if not trace_in_space(k, mine, own, some, rules, slab, buffers):
+        if not trace_in_space(k, task_tables, task_sums, task_rays, rules, slab, buffers):
             return False
     return True

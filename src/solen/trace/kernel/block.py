@@ -6,15 +6,15 @@ the grid of `solen.trace.kernel.nearest` is used instead, ray by ray.
 
 from typing import NamedTuple
 
-from solen.trace.kernel.buffers import Found, Rays
+from solen.trace.kernel.buffers import BlockHits, Rays
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
     conic_hit,
-    oval_at,
+    may_hit_oval,
+    on_oval,
     oval_circle,
-    oval_holds,
-    oval_near,
+    oval_residual,
     oval_root,
     oval_start,
     oval_step,
@@ -30,12 +30,12 @@ from solen.trace.kernel.rows import (
     Oval,
     Precision,
     arc_row,
-    as_in,
     conic_row,
-    greatest,
-    least,
+    larger,
     oval_row,
     segment_row,
+    smaller,
+    typed,
 )
 from solen.trace.tables import Tables
 
@@ -56,7 +56,7 @@ def span(numbers: Floats, n: int) -> tuple[float, float]:
     """Lowest and highest of the first n numbers."""
     low, high = numbers[0], numbers[0]
     for i in range(n):
-        low, high = least(low, numbers[i]), greatest(high, numbers[i])
+        low, high = smaller(low, numbers[i]), larger(high, numbers[i])
     return low, high
 
 
@@ -68,11 +68,11 @@ def product(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
 
 
 @compiled
-def passes_by(rays: Bounds, box: Floats) -> bool:
+def block_misses(rays: Bounds, box: Floats) -> bool:
     """Whether no ray of a block can meet anything in a box (lowest x, highest x, lowest z, highest z).
 
-    Interval arithmetic bounds the lateral and forward distances between box and rays: rays that are close together, as
-    in a fan, pass most curves by.
+    Interval arithmetic bounds the lateral and forward distances between box and rays. Rays that are close together, as
+    in a fan, miss most boxes.
     """
     vx, vz = (box[0] - rays.x[1], box[1] - rays.x[0]), (box[2] - rays.z[1], box[3] - rays.z[0])
     a, b = product(rays.dx, vz), product(rays.dz, vx)
@@ -83,123 +83,125 @@ def passes_by(rays: Bounds, box: Floats) -> bool:
 
 @compiled
 def find_block(  # noqa: C901  one inner loop per kind of curve
-    k: Precision, tables: Tables, n: int, rays: Rays, found: Found
+    k: Precision, tables: Tables, n: int, rays: Rays, block_hits: BlockHits
 ) -> None:
-    """Write the nearest interface ahead of rays 0 to n: distance (or infinity), index (or −1), parameter."""
+    """Write the nearest hit of the first n rays: distance (or infinity), curve (or −1), parameter."""
     x, z, dx, dz, last, at = rays
-    best, which, place = found.distance, found.curve, found.place
+    distance, curve, u_hit = block_hits.distance, block_hits.curve, block_hits.u
     if len(tables.grid_item) > 0:
         for i in range(n):
-            best[i], which[i], place[i] = nearest(k, tables, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
+            distance[i], curve[i], u_hit[i] = nearest(k, tables, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
         return
     kind, shape = tables.kind, tables.shape
     for i in range(n):
-        best[i], which[i], place[i] = k.none, -1, k.zero
+        distance[i], curve[i], u_hit[i] = k.none, -1, k.zero
     bounds = Bounds(span(x, n), span(z, n), span(dx, n), span(dz, n))
     for c in range(len(kind)):
-        if passes_by(bounds, tables.box[c]):
+        if block_misses(bounds, tables.box[c]):
             continue
-        mine = as_in(which[0], c)
+        tag = typed(curve[0], c)
         if kind[c] == SEGMENT:
             s = segment_row(shape, c)
             for i in range(n):
-                t = segment_hit(k, s, x[i], z[i], dx[i], dz[i], last[i] == mine)
-                nearer = t < best[i]
-                best[i] = t if nearer else best[i]
-                which[i] = mine if nearer else which[i]
+                t = segment_hit(k, s, x[i], z[i], dx[i], dz[i], last[i] == tag)
+                nearer = t < distance[i]
+                distance[i] = t if nearer else distance[i]
+                curve[i] = tag if nearer else curve[i]
         elif kind[c] == CONIC:
             q = conic_row(shape, c)
             for i in range(n):
-                t = conic_hit(k, q, x[i], z[i], dx[i], dz[i], last[i] == mine)
-                nearer = t < best[i]
-                best[i] = t if nearer else best[i]
-                which[i] = mine if nearer else which[i]
+                t = conic_hit(k, q, x[i], z[i], dx[i], dz[i], last[i] == tag)
+                nearer = t < distance[i]
+                distance[i] = t if nearer else distance[i]
+                curve[i] = tag if nearer else curve[i]
         elif kind[c] == ARC:
             a = arc_row(shape, c)
             for i in range(n):
-                t = arc_hit(k, a, x[i], z[i], dx[i], dz[i], last[i] == mine)
-                nearer = t < best[i]
-                best[i] = t if nearer else best[i]
-                which[i] = mine if nearer else which[i]
+                t = arc_hit(k, a, x[i], z[i], dx[i], dz[i], last[i] == tag)
+                nearer = t < distance[i]
+                distance[i] = t if nearer else distance[i]
+                curve[i] = tag if nearer else curve[i]
         elif kind[c] == OVAL:
-            oval_block(k, oval_row(shape, c), mine, n, rays, found)
+            oval_block(k, oval_row(shape, c), tag, n, rays, block_hits)
         else:
             for i in range(n):
                 t, u = curve_hit(k, tables, c, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
-                if t < best[i]:
-                    best[i], which[i], place[i] = t, c, u
+                if t < distance[i]:
+                    distance[i], curve[i], u_hit[i] = t, c, u
 
 
 @compiled
-def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Found) -> None:
-    """Test the front of oval ``mine`` against rays 0 to n, as `solen.trace.kernel.hits.oval_hit` does for one ray.
+def oval_block(k: Precision, o: Oval, tag: int, n: int, rays: Rays, block_hits: BlockHits) -> None:
+    """Test the front of oval ``tag`` against the first n rays, as `solen.trace.kernel.hits.oval_hit` does for one ray.
 
-    Rows of ``work``: row 5 is the root required for a ray (the near root, the far root or none), and then its hit; rows
-    7 to 10 are x, z, dx and dz of the rays whose near root is computed by Newton's method; rows 11 and 12 are the root
-    and whether it has converged.
+    Rows of ``work``: row 5 is the root required for a ray (near, far or none), and then its hit; rows 7 to 10 are x, z,
+    dx and dz of the rays whose near root is computed by Newton's method; rows 11 and 12 are that root, and whether it
+    has converged.
     """
     x, z, dx, dz, last, _ = rays
-    best, which, _, work, pick = found
-    wanted, hit = work[5], work[5]
+    distance, curve, _, work, selected = block_hits
+    root_of, hit = work[5], work[5]
     for i in range(n):
-        leaving = last[i] == mine
-        value, slope = oval_at(k, o, x[i], z[i], dx[i], dz[i])
+        leaving = last[i] == tag
+        value, slope = oval_residual(k, o, x[i], z[i], dx[i], dz[i])
         outside = (value > 0.0) & (not leaving)
         near = k.one if outside & (slope < 0.0) else k.zero
         far = -k.one if (slope < 0.0) | (not (outside | leaving)) else k.zero
-        comes = oval_near(k, o, x[i], z[i], dx[i], dz[i], leaving)
-        wanted[i] = (near if near > 0.0 else far) if comes else k.zero
+        may_hit = may_hit_oval(k, o, x[i], z[i], dx[i], dz[i], leaving)
+        root_of[i] = (near if near > 0.0 else far) if may_hit else k.zero
     m = 0
     for i in range(n):
-        if wanted[i] > 0.0:
-            pick[m] = i
+        if root_of[i] > 0.0:
+            selected[m] = i
             work[7, m], work[8, m], work[9, m], work[10, m] = x[i], z[i], dx[i], dz[i]
             m += 1
-        elif wanted[i] < 0.0:
+        elif root_of[i] < 0.0:
             t = oval_root(k, o, x[i], z[i], dx[i], dz[i], k.one)
-            if 0.0 < t < best[i] and oval_holds(k, o, x[i] + t * dx[i], z[i] + t * dz[i]):
-                best[i], which[i] = t, mine
+            if 0.0 < t < distance[i] and on_oval(k, o, x[i] + t * dx[i], z[i] + t * dz[i]):
+                distance[i], curve[i] = t, tag
     newton(k, o, m, work)
     for j in range(m):
         t = work[11, j]
-        met = (
-            (work[12, j] == 1.0)
-            & (t > 0.0)
-            & oval_holds(k, o, work[7, j] + t * work[9, j], work[8, j] + t * work[10, j])
+        is_hit = (
+            (work[12, j] == 1.0) & (t > 0.0) & on_oval(k, o, work[7, j] + t * work[9, j], work[8, j] + t * work[10, j])
         )
-        hit[j] = t if met else -k.one
+        hit[j] = t if is_hit else -k.one
     for j in range(m):
-        i, t = pick[j], hit[j]
+        i, t = selected[j], hit[j]
         if t < 0.0:
-            t = oval_again(k, o, work[7, j], work[8, j], work[9, j], work[10, j], work[11, j], work[12, j] == 1.0)
-        if t < best[i]:
-            best[i], which[i] = t, mine
+            t = remaining_oval_hit(
+                k, o, work[7, j], work[8, j], work[9, j], work[10, j], work[11, j], work[12, j] == 1.0
+            )
+        if t < distance[i]:
+            distance[i], curve[i] = t, tag
 
 
 @compiled
-def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, near: float, settled: bool) -> float:
-    """Return the hit of a ray from outside on the front, if its near root did not converge in a few steps."""
-    t = near if settled else oval_root(k, o, x, z, dx, dz, -k.one)
+def remaining_oval_hit(
+    k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, near_root: float, converged: bool
+) -> float:
+    """Return the hit of a ray from outside whose near root did not converge in a few steps or is not on the front."""
+    t = near_root if converged else oval_root(k, o, x, z, dx, dz, -k.one)
     if t != t:
-        return k.none  # the line misses the oval
-    if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz):
+        return k.none  # NaN: the line misses the oval
+    if t > 0.0 and on_oval(k, o, x + t * dx, z + t * dz):
         return t
     t = oval_root(k, o, x, z, dx, dz, k.one)
-    return t if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz) else k.none
+    return t if t > 0.0 and on_oval(k, o, x + t * dx, z + t * dz) else k.none
 
 
 @compiled
 def newton(k: Precision, o: Oval, m: int, work: Floats) -> None:
-    """Take a few Newton steps towards the near root for m rays together; most rays need no more."""
-    x, z, dx, dz, distance, settled = work[7], work[8], work[9], work[10], work[11], work[12]
+    """Take a few Newton steps towards the near root of m rays together; most rays need no more."""
+    x, z, dx, dz, distance, converged = work[7], work[8], work[9], work[10], work[11], work[12]
     outwards = -k.one
     for j in range(m):
         t = oval_start(k, o, x[j], z[j], dx[j], dz[j], outwards)
         t, _, missed = oval_step(k, o, x[j], z[j], dx[j], dz[j], t, outwards)
-        again = oval_circle(o, x[j], z[j], dx[j], dz[j], outwards)
-        distance[j] = again if missed else t
+        fallback = oval_circle(o, x[j], z[j], dx[j], dz[j], outwards)
+        distance[j] = fallback if missed else t
     for _ in range(VECTOR_STEPS):
         for j in range(m):
             t, done, _ = oval_step(k, o, x[j], z[j], dx[j], dz[j], distance[j], outwards)
             distance[j] = t
-            settled[j] = k.one if done else k.zero
+            converged[j] = k.one if done else k.zero

@@ -10,37 +10,37 @@ from solen.trace.kernel.rows import Floats, Tags
 
 BLOCK = 256
 """Number of rays in a block: enough to fill vector registers, few enough to remain in the first-level cache."""
-X, Z, DX, DZ, S, P, LEAST, AT, OPTICAL = range(9)
+X, Z, DX, DZ, S, P, MIN_POWER, U, OPTICAL = range(9)
 REGION, LAST, HIT, BRANCH, NUMBER, PARENT, COLOUR = range(7)
 
 
 class Rays(NamedTuple):
-    """A block of rays (BLOCK,): position, direction, the curve at the origin and its parameter there."""
+    """A block of rays (BLOCK,): position, direction, the curve at the origin, and its parameter there."""
 
     x: Floats
     z: Floats
     dx: Floats
     dz: Floats
     last: Tags
-    at: Floats
+    u: Floats
 
 
-class Found(NamedTuple):
-    """The nearest hit of each ray in a block, and working memory."""
+class BlockHits(NamedTuple):
+    """The nearest hit of each ray in a block (BLOCK,), and working memory."""
 
     distance: Floats
     curve: Tags
-    place: Floats
+    u: Floats
     work: Floats
-    pick: Tags
+    int_work: Tags
 
 
-class Carried(NamedTuple):
+class Loads(NamedTuple):
     """The load of each ray in a block (BLOCK,); see `solen.trace.kernel.step.Load`."""
 
     s: Floats
     p: Floats
-    least: Floats
+    min_power: Floats
     optical: Floats
     region: Tags
     colour: Tags
@@ -63,10 +63,10 @@ class Buffers(NamedTuple):
     """Working memory for N rays."""
 
     state: Floats
-    """(9, BLOCK)"""
+    """(9, BLOCK) rows X to OPTICAL of the rays in the current block"""
     tags: Tags
-    """(7, BLOCK)"""
-    found: Found
+    """(7, BLOCK) rows REGION to COLOUR"""
+    hit: BlockHits
     waiting_state: Floats
     """(capacity, 9) waiting branches"""
     waiting_tags: Tags
@@ -100,14 +100,14 @@ def resume(
 
 
 def tag_of(dtype: type[np.floating[Any]]) -> type[np.signedinteger[Any]]:
-    """Integer type with the same width as a floating-point type."""
+    """Return the integer type with the same width as a floating-point type."""
     return np.int64 if dtype is np.float64 else np.int32
 
 
-def block_buffers(dtype: type[np.floating[Any]]) -> Found:
+def block_buffers(dtype: type[np.floating[Any]]) -> BlockHits:
     """Allocate memory for the hits of a block."""
     tag = tag_of(dtype)
-    return Found(
+    return BlockHits(
         np.empty(BLOCK, dtype),
         np.empty(BLOCK, tag),
         np.empty(BLOCK, dtype),
@@ -117,7 +117,7 @@ def block_buffers(dtype: type[np.floating[Any]]) -> Found:
 
 
 def new_buffers(rays: int, dtype: type[np.floating[Any]], capacity: int = 64 * BLOCK) -> Buffers:
-    """Allocate working memory for this many rays and waiting branches."""
+    """Allocate working memory for this many rays, and for ``capacity`` waiting branches."""
     return Buffers(
         np.empty((9, BLOCK), dtype),
         np.empty((7, BLOCK), tag_of(dtype)),

@@ -15,14 +15,14 @@ from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.family import FamilyInSpace, at_angles
 from solen.trace.kernel.nearest import Walls
-from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathBuffers, integrate_path
+from solen.trace.kernel.paths import FIRST_ANGLE_INTERVALS, FIRST_INTERVALS, PathBuffers, integrate_path
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.surface import scrambled
 
-KEPT_NODES, SLOTS = 1 << 16, 1 << 17
-MIN_SHARE = 0.05
-"""Minimum difference of two rules, as a fraction of the difference of the two coarser rules, because two rules may
-agree by chance.
+STORED_NODES, SLOTS = 1 << 16, 1 << 17
+MIN_FRACTION = 0.05
+"""Minimum error estimate, as a fraction of the difference between the two coarser rules: the finer two may agree by
+chance.
 """
 
 
@@ -54,74 +54,74 @@ class Light(NamedTuple):
     """whether the path covers the projected angle, for an emitter of zero width"""
     scale: float
     density: float
-    """this field and the next two are defined in `solen.trace.kernel.paths.integrate_path`"""
+    """for this field and the next two see `solen.trace.kernel.paths.integrate_path`"""
     narrow: float
     soft: float
 
 
 class Nodes(NamedTuple):
-    """Nodes with their integrals: coordinates q, t (N, 2), and powers with their error (N, D + 6)."""
+    """Nodes: their coordinates q, t (N, 2), and the integrated powers followed by their error (N, D + 6)."""
 
     slots: NDArray[np.int32]
     """index of a node by its hash, −1 for none"""
     at: FloatArray
     value: FloatArray
-    many: IntArray
-    """(1,) number of nodes"""
+    used: IntArray
+    """(1,) number of nodes used"""
     sums: FloatArray
     """(2, N, D + 5) integrals over q and over t"""
 
 
-def new_nodes(columns: int, most: int) -> Nodes:
-    """Allocate nodes for rules with ``most`` nodes; unused pages do not occupy physical memory."""
+def new_nodes(columns: int, max_nodes: int) -> Nodes:
+    """Allocate nodes for rules with ``max_nodes`` nodes; unused pages do not occupy physical memory."""
     return Nodes(
         np.full(SLOTS, -1, np.int32),
-        np.empty((KEPT_NODES, 2)),
-        np.empty((KEPT_NODES, columns + 1)),
+        np.empty((STORED_NODES, 2)),
+        np.empty((STORED_NODES, columns + 1)),
         np.zeros(1, np.int64),
-        np.empty((2, most, columns)),
+        np.empty((2, max_nodes, columns)),
     )
 
 
 @compiled
 def node_between(rule: Rule, low: float, high: float, n: int) -> float:
-    """Return a node of an interval; the first and last nodes are its ends, to the last bit."""
+    """Return a node of an interval; the first and last nodes are exactly its ends."""
     inner: float = 0.5 * (low + high) + 0.5 * (high - low) * rule.nodes[n]
     return low if n == 0 else high if n == len(rule.nodes) - 1 else inner
 
 
 @linked
-def node(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: Nodes, q: float, t: float) -> int:
+def node_index(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: Nodes, q: float, t: float) -> int:
     """Return the index of a node, and integrate it if it is new.
 
     The out-of-plane angle is asin(sine sin t). The projected angle is the fraction q of its maximum within the cone at
     that out-of-plane angle; a point emitter has no q.
     """
-    hashed = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
-    slot = np.int64(hashed & np.uint64(SLOTS - 1))
+    key = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
+    slot = np.int64(key & np.uint64(SLOTS - 1))
     while nodes.slots[slot] >= 0:
         row = int(nodes.slots[slot])
         if nodes.at[row, 0] == q and nodes.at[row, 1] == t:
             return row
         slot = (slot + 1) & (SLOTS - 1)
-    if nodes.many[0] == KEPT_NODES:  # start again
-        nodes.many[0] = 0
+    if nodes.used[0] == STORED_NODES:  # forget all nodes
+        nodes.used[0] = 0
         for other in range(SLOTS):
             nodes.slots[other] = -1
-    row = int(nodes.many[0])
-    nodes.many[0] += 1
+    row = int(nodes.used[0])
+    nodes.used[0] += 1
     nodes.slots[slot], nodes.at[row, 0], nodes.at[row, 1] = row, q, t
     family, value = light.family, nodes.value[row]
     rise = light.sine * math.sin(t)
-    most = math.acos(min(max(light.cosine / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
-    weight = (1.0 if light.point else most) * light.sine * math.cos(t)
+    max_angle = math.acos(min(max(light.cosine / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
+    weight = (1.0 if light.point else max_angle) * light.sine * math.cos(t)
     if light.point:
-        here, first = at_angles(family, 0.0, 1.0, rise, -most, most), FIRST_ANGLES
+        path_family, first = at_angles(family, 0.0, 1.0, rise, -max_angle, max_angle), FIRST_ANGLE_INTERVALS
     else:
-        here, first = at_angles(family, most * q, 0.0, rise, family.low, family.high), FIRST
+        path_family, first = at_angles(family, max_angle * q, 0.0, rise, family.low, family.high), FIRST_INTERVALS
     last = len(value) - 1
     value[last] = integrate_path(
-        k, walls, here, buffers, light.ends, first, light.density, light.narrow, light.soft, value[:last]
+        k, walls, path_family, buffers, light.ends, first, light.density, light.narrow, light.soft, value[:last]
     )
     for d in range(len(value)):
         value[d] *= weight
@@ -129,22 +129,22 @@ def node(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: 
 
 
 @compiled
-def rules_apart(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, apart: FloatArray) -> float:
-    """Integrate values (N, D) at the nodes and the differences of the two finest rules; return the largest one."""
-    most = rough = 0.0
+def rule_difference(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, difference: FloatArray) -> float:
+    """Compute the integrals (D,) of values (N, D) and the differences of the two finest rules; return the largest."""
+    largest = largest_rough = 0.0
     for d in range(len(value)):
-        fine, coarse, least = 0.0, 0.0, 0.0
+        fine, coarse, coarsest = 0.0, 0.0, 0.0
         for n in range(len(rule.nodes)):
             fine += rule.weights[0, n] * grid[n, d]
             coarse += rule.weights[1, n] * grid[n, d]
-            least += rule.weights[2, n] * grid[n, d]
-        value[d], apart[d] = scale * fine, scale * (fine - coarse)
-        most, rough = max(most, abs(apart[d])), max(rough, abs(scale * (coarse - least)))
-    return max(most, MIN_SHARE * rough)
+            coarsest += rule.weights[2, n] * grid[n, d]
+        value[d], difference[d] = scale * fine, scale * (fine - coarse)
+        largest, largest_rough = max(largest, abs(difference[d])), max(largest_rough, abs(scale * (coarse - coarsest)))
+    return max(largest, MIN_FRACTION * largest_rough)
 
 
 @called
-def over_cells(
+def integrate_cells(
     k: Precision,
     walls: Walls,
     light: Light,
@@ -164,18 +164,20 @@ def over_cells(
     nq, nt, columns = len(across.nodes), len(along.nodes), sums.shape[2]
     over_t, over_q = nodes.sums[0, :nq], nodes.sums[1, :nt]
     for c in range(len(bounds)):
-        off = 0.0
+        path_error2 = 0.0
         over_t[:], over_q[:] = 0.0, 0.0
         for i in range(nt):
             t = node_between(along, bounds[c, 2], bounds[c, 3], i)
             for j in range(nq):
-                row = node(k, walls, light, buffers, nodes, node_between(across, bounds[c, 0], bounds[c, 1], j), t)
+                row = node_index(
+                    k, walls, light, buffers, nodes, node_between(across, bounds[c, 0], bounds[c, 1], j), t
+                )
                 value = nodes.value[row]
                 for d in range(columns):
                     over_t[j, d] += along.weights[0, i] * value[d]
                     over_q[i, d] += across.weights[0, j] * value[d]
-                off += value[columns] * value[columns]
+                path_error2 += value[columns] * value[columns]
         scale = 0.25 * (bounds[c, 1] - bounds[c, 0]) * (bounds[c, 3] - bounds[c, 2]) * light.scale
-        errors[c, 0] = rules_apart(across, over_t, scale, sums[c, 0], sums[c, 1])
-        errors[c, 1] = rules_apart(along, over_q, scale, sums[c, 0], sums[c, 2])
-        errors[c, 2] = scale * 4.0 / (nq * nt) * math.sqrt(off)
+        errors[c, 0] = rule_difference(across, over_t, scale, sums[c, 0], sums[c, 1])
+        errors[c, 1] = rule_difference(along, over_q, scale, sums[c, 0], sums[c, 2])
+        errors[c, 2] = scale * 4.0 / (nq * nt) * math.sqrt(path_error2)

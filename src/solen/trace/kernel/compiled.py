@@ -4,9 +4,9 @@ numba recompiles a cached function only when its own file changes. Because the f
 files, each is stamped with the contents of its file and of all files from which that file imports. In a copied source
 tree nothing needs recompiling.
 
-numba also compiles a function again with each of its callers, and with their callers. Here a function is inlined in its
-callers, linked with them as numba does, or *standing*: the callers' code then calls it only by its symbol, and the
-cached form of a caller lists the functions that must be loaded before it.
+numba also includes the code of a function in each of its callers, and in their callers. Here a function is inlined in
+its callers, linked with them as numba does, or *standalone*: callers then refer to it only by its symbol, and the
+cached result of a caller lists the functions that must be loaded before it.
 """
 
 import hashlib
@@ -29,18 +29,18 @@ R = TypeVar("R")
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-IMPORTED = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
+IMPORTS = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
 
 
 def _files(module: str) -> list[Path]:
-    """Return the files of a solen module by its name; for a package, all of its files."""
+    """Return the file of a solen module by its name; for a package, all of its files."""
     path = ROOT.joinpath(*module.split("."))
     return list(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
-def _taken(file: Path) -> set[Path]:
+def _imported_files(file: Path) -> set[Path]:
     """Return the files from which a kernel file imports functions or constants."""
-    return {path for module in IMPORTED.findall(file.read_text("utf-8")) for path in _files(module)}
+    return {path for module in IMPORTS.findall(file.read_text("utf-8")) for path in _files(module)}
 
 
 def sources(file: Path) -> set[Path]:
@@ -48,7 +48,7 @@ def sources(file: Path) -> set[Path]:
     known, new = set[Path](), {file}
     while new:
         known |= new
-        new = {path for one in new if one.parent == HERE for path in _taken(one)} - known
+        new = {path for source in new if source.parent == HERE for path in _imported_files(source)} - known
     return known
 
 
@@ -73,8 +73,8 @@ OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "no_cfunc_wrapper": True,
 }
-"""There is no reference counting, so passing tables to a function costs nothing. Nothing can be allocated, so callers
-supply working memory. Division follows IEEE 754 (no branch for a zero divisor). Rounding may differ because of fused
+"""Without reference counting, passing tables to a function costs nothing, but nothing can be allocated: callers supply
+working memory. Division follows IEEE 754, without a branch for a zero divisor. Rounding may differ because of fused
 operations and multiplication by a reciprocal; infinities and NaN keep their meaning, which parallel rays require.
 """
 
@@ -95,33 +95,33 @@ def summed(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def called(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a standing function: one that is large, or that Python calls."""
-    return cast("Callable[P, R]", _kept(function, _StandingCache))
+    """Compile a standalone function: one that is large, or that Python calls."""
+    return cast("Callable[P, R]", _with_cache(function, _StandaloneCache))
 
 
 def linked(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that is linked with its callers: one that is called at most once per ray."""
-    return _within(function)
+    return _linked(function)
 
 
 def _inlined(function: Callable[P, R], **more: Any) -> Callable[P, R]:
-    return _within(function, forceinline=True, **more)
+    return _linked(function, forceinline=True, **more)
 
 
-def _within(function: Callable[P, R], **more: Any) -> Callable[P, R]:
-    dispatcher = _kept(function, _Cache, no_cpython_wrapper=True, **more)
+def _linked(function: Callable[P, R], **more: Any) -> Callable[P, R]:
+    dispatcher = _with_cache(function, _Cache, no_cpython_wrapper=True, **more)
     if isinstance(dispatcher, Dispatcher):
-        dispatcher.__class__ = _Within
+        dispatcher.__class__ = _LinkedDispatcher
     return cast("Callable[P, R]", dispatcher)
 
 
-def _kept(function: Callable[..., Any], kind: type[FunctionCache], **more: Any) -> Any:
+def _with_cache(function: Callable[..., Any], kind: type[FunctionCache], **more: Any) -> Any:
     """Apply `numba.njit` with a particular kind of disk cache."""
     return cached(partial(numba.njit, **(OPTIONS | more)), function, kind)
 
 
-class _Within(CPUDispatcher):
-    """A function without the code for calls from Python, which tests compile on demand."""
+class _LinkedDispatcher(CPUDispatcher):
+    """A function without code for calls from Python, which is compiled when tests call it."""
 
     @cached_property
     def _from_python(self) -> Any:
@@ -134,74 +134,74 @@ class _Within(CPUDispatcher):
 
 Address = tuple[str, str, tuple[Any, ...]]
 """Module, name and argument types of a function."""
-STANDING: dict[str, Address] = {}
-"""Standing functions by their symbols."""
+STANDALONE: dict[str, Address] = {}
+"""Standalone functions by their symbols."""
 
 
-class _Form(CompileResultCacheImpl):
-    """The cached form of a function: its symbols, the standing functions that it calls, and its code."""
+class _CachedResult(CompileResultCacheImpl):
+    """The cached result of compiling a function: its symbols, the standalone functions that it calls, and its code."""
 
     def reduce(self, result: Any) -> Any:
         base: Any = super()
         module = result.library._final_module
-        calls = {f.name: STANDING[f.name] for f in module.functions if f.is_declaration and f.name in STANDING}
-        named = (*module.functions, *module.global_variables)
-        return {one.name for one in named if not one.is_declaration}, calls, base.reduce(result)
+        calls = {f.name: STANDALONE[f.name] for f in module.functions if f.is_declaration and f.name in STANDALONE}
+        symbols = (*module.functions, *module.global_variables)
+        return {symbol.name for symbol in symbols if not symbol.is_declaration}, calls, base.reduce(result)
 
     def rebuild(self, target_context: Any, kept: Any) -> Any:
         symbols, calls, rest = kept
         for symbol, (module, name, arguments) in calls.items():
-            STANDING[symbol] = module, name, arguments  # for callers of this function, which keep the symbol
+            STANDALONE[symbol] = module, name, arguments  # callers of this function refer to the symbol too
             dispatcher = getattr(importlib.import_module(module), name)
             dispatcher.compile(arguments)  # or loaded from the cache
-            its = dispatcher.overloads[arguments]
-            binding.add_symbol(symbol, its.library.get_pointer_to_function(its.fndesc.llvm_func_name))
+            callee = dispatcher.overloads[arguments]
+            binding.add_symbol(symbol, callee.library.get_pointer_to_function(callee.fndesc.llvm_func_name))
         target_context.codegen()._engine._defined_symbols |= symbols
         base: Any = super()
         return base.rebuild(target_context, rest)
 
 
-class _StandingForm(_Form):
-    """As `_Form`, for a standing function; callers link an empty module in its place."""
+class _StandaloneResult(_CachedResult):
+    """As `_CachedResult`, for a standalone function; callers link an empty module in its place."""
 
     def reduce(self, result: Any) -> Any:
-        self._note(result)
+        self._register(result)
         result.library._shared_module = binding.parse_assembly("")
         return super().reduce(result)
 
     def rebuild(self, target_context: Any, kept: Any) -> Any:
         result = super().rebuild(target_context, kept)
-        self._note(result)
+        self._register(result)
         return result
 
-    def _note(self, result: Any) -> None:
-        its = result.fndesc
-        STANDING[its.llvm_func_name] = its.modname, its.qualname, tuple(result.signature.args)
+    def _register(self, result: Any) -> None:
+        callee = result.fndesc
+        STANDALONE[callee.llvm_func_name] = callee.modname, callee.qualname, tuple(result.signature.args)
 
 
-class _FromPythonForm(_Form):
+class _FromPythonResult(_CachedResult):
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
         base: Any = super()
         return f"python-{base.get_filename_base(fullname, abiflags)}"
 
 
 class _Cache(FunctionCache):
-    _impl_class = _Form
+    _impl_class = _CachedResult
 
 
-class _StandingCache(_Cache):
-    _impl_class = _StandingForm
+class _StandaloneCache(_Cache):
+    _impl_class = _StandaloneResult
 
 
 class _FromPythonCache(_Cache):
-    _impl_class = _FromPythonForm
+    _impl_class = _FromPythonResult
 
 
 class _Files(IndexDataCacheFile):
     """One cache file for each set of argument types, replaced atomically.
 
-    numba numbers its files and writes an index before the file that it names, so that a process that compiles at the
-    same time can load machine code for other argument types or from earlier sources.
+    numba numbers its files and writes their index first. A process that compiles at the same time could therefore load
+    machine code for other argument types or from earlier sources.
     """
 
     def save(self, key: Any, data: Any) -> None:
@@ -213,14 +213,14 @@ class _Files(IndexDataCacheFile):
         try:
             with Path(self._path(key)).open("rb") as file:
                 if pickle.load(file) != self._version:  # noqa: S301  our own cache
-                    return None  # a form of another version may name classes that no longer exist
+                    return None  # pickles of another version may name classes that no longer exist
                 stored, data = pickle.load(file)  # noqa: S301
         except (OSError, EOFError, pickle.UnpicklingError):
             return None
         return data if stored == key else None
 
     def flush(self) -> None:
-        """Nothing: a file of other sources is replaced when its function is compiled again."""
+        """Do nothing: a file of earlier sources is replaced when its function is compiled again."""
 
     def _path(self, key: Any) -> str:
         types = hashlib.sha256(repr(key[0]).encode()).hexdigest()[:16]
@@ -228,15 +228,15 @@ class _Files(IndexDataCacheFile):
 
 
 def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: type[FunctionCache] | None = None) -> Any:
-    """Apply a numba decorator to a function with a disk cache: numba's own, or one of a specific ``kind``."""
+    """Apply a numba decorator to a function with a disk cache: numba's own, or one of class ``kind``."""
     try:
         dispatcher: Any = decorator(function, cache=True)
-    except RuntimeError:  # no cache folder: a read-only installation and no home folder
+    except RuntimeError:  # no writable cache folder: a read-only installation and no home folder
         return decorator(function)
     if kind is not None and hasattr(dispatcher, "_cache"):
         dispatcher._cache = kind(function)
     cache = getattr(dispatcher, "_cache", None)  # None if numba is set to compile nothing
-    index = getattr(cache, "_cache_file", None)  # numba offers no public way to name further files
+    index = getattr(cache, "_cache_file", None)  # numba has no public interface for the version of a cache
     if index is not None:
         index.__class__ = _Files
         index._version = f"{numba.__version__} {stamp(Path(function.__code__.co_filename).resolve())}"
@@ -245,7 +245,6 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: ty
 
 def cache_folder() -> Path | None:
     """Return the folder in which numba caches the kernel, or None if no folder is writable."""
-    cache = getattr(
-        cached(numba.njit, cache_folder), "_cache", None
-    )  # any function in this folder will do; it is not compiled
+    dispatcher = cached(numba.njit, cache_folder)  # any function of this folder; it is not compiled
+    cache = getattr(dispatcher, "_cache", None)
     return None if cache is None else Path(cache.cache_path)

@@ -38,16 +38,22 @@ class Bins(NamedTuple):
 
 @called
 def prepare(
-    sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
+    sensors: Sensors,
+    d: int,
+    angle_deg: FloatArray,
+    tables: Tables,
+    starts: Starts,
+    poses: FloatArray,
+    soundness: IntArray,
 ) -> None:
-    """Write the tables of a design at each angle, and the emitter poses (A, 3)."""
+    """Write the tables of a design, its emitter poses (A, 3) and its codes (A,) at each angle."""
     y, first = y_row(sensors.body, d), 0
     front = front_of(y)
     for a in range(len(angle_deg)):
         starts.piece[a] = first
-        last, good, pose = y_tables(tables, sensors.pieces, sensors.before, y, front, angle_deg[a], first)
+        last, code, pose = y_tables(tables, sensors.pieces, sensors.before, y, front, angle_deg[a], first)
         poses[a, 0], poses[a, 1], poses[a, 2] = pose
-        sound[a] = good
+        soundness[a] = code
         tables.refractive_index[a, 1], tables.absorption[a, 1] = y.refractive_index, y.absorption
         first = last
     starts.piece[len(angle_deg)] = first
@@ -56,7 +62,7 @@ def prepare(
 @called
 def launch_all(
     sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
-    each: int,
+    rays_per_bin: int,
 ) -> None:  # fmt: skip
     """Write the rays for each angle and bin."""
     light = light_row(sensors.light, d)
@@ -65,14 +71,14 @@ def launch_all(
         for b in range(len(bins.low)):
             launch(
                 tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, bins.low[b], bins.high[b],
-                seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+                seed, a, b, rays, (a * len(bins.low) + b) * rays_per_bin, rays_per_bin,
             )  # fmt: skip
 
 
 @called
 def launch_all_in_space(
     sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int,
-    rays: RowsInSpace, each: int,
+    rays: RowsInSpace, rays_per_bin: int,
 ) -> None:  # fmt: skip
     """As `launch_all`, in space."""
     light, half = light_row(sensors.light, d), 0.5 * sensors.thickness[d]
@@ -81,5 +87,5 @@ def launch_all_in_space(
         for b in range(len(bins.low)):
             launch_in_space(
                 tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, half, bins.low[b],
-                bins.high[b], seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+                bins.high[b], seed, a, b, rays, (a * len(bins.low) + b) * rays_per_bin, rays_per_bin,
             )  # fmt: skip

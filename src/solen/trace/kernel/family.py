@@ -32,7 +32,7 @@ class FamilyInSpace(NamedTuple):
     p: float
     colour: int
     rules: Rules
-    far: float
+    escape_mm: float
     half: float
     """half the thickness, mm"""
     above: float
@@ -56,8 +56,8 @@ def intensity_in_space(family: FamilyInSpace, u: float) -> float:
     i = 1
     while family.theta[i] < theta and i < len(family.theta) - 1:
         i += 1
-    share = (theta - family.theta[i - 1]) / (family.theta[i] - family.theta[i - 1])
-    value: float = family.relative[i - 1] + share * (family.relative[i] - family.relative[i - 1])
+    fraction = (theta - family.theta[i - 1]) / (family.theta[i] - family.theta[i - 1])
+    value: float = family.relative[i - 1] + fraction * (family.relative[i] - family.relative[i - 1])
     return value
 
 
@@ -83,5 +83,5 @@ def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low
     f = family
     return FamilyInSpace(
         f.x, f.z, f.along_x, f.along_z, f.axis, angle, turn, rise, f.y_low, f.y_high, f.s, f.p, f.colour, f.rules,
-        f.far, f.half, f.above, f.below, low, high, f.power, f.theta, f.relative,
+        f.escape_mm, f.half, f.above, f.below, low, high, f.power, f.theta, f.relative,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """Hits of a ray on a curve: one function per kind of curve, with the same mathematics as `solen.curve`.
 
 Each function takes a row of `solen.trace.tables.Tables.shape` and a ray, and returns the distance to the nearest hit
-ahead, or ``k.none`` (infinity) for none. The functions have no loops and almost no branches, so a loop over rays that
+ahead, or ``k.none`` (infinity) for none. Most functions have no loops and almost no branches, so a loop over rays that
 calls one of them can be vectorised; on a GPU the same functions treat one ray at a time.
 
 Arithmetic uses no literals: numbers come from the tables and from ``k``, so single precision is preserved.
@@ -21,8 +21,8 @@ def segment_hit(k: Precision, s: Segment, x: float, z: float, dx: float, dz: flo
     wx, wz = s.ax - x, s.az - z
     inverse = k.one / (dx * s.uz - dz * s.ux)
     t = (wx * s.uz - wz * s.ux) * inverse
-    place = (wx * dz - wz * dx) * inverse
-    hit = (t > 0.0) & (place >= -k.end) & (place <= s.length + k.end) & (not leaving)
+    position = (wx * dz - wz * dx) * inverse
+    hit = (t > 0.0) & (position >= -k.end) & (position <= s.length + k.end) & (not leaving)
     return t if hit else k.none
 
 
@@ -34,11 +34,11 @@ def roots(k: Precision, a: float, half_b: float, rest: float, square: float, lea
     to first order: −b/a + rest/b. Operands are selected before the division, because divisions are slow.
     """
     root = math.sqrt(max(square, k.zero))
-    total = -half_b - (root if half_b >= 0.0 else -root)
+    q = -half_b - (root if half_b >= 0.0 else -root)
     b = half_b + half_b
-    mend = a * rest if abs(a * rest) < k.small * b * b else k.zero
-    first = (mend - b * b if leaving else total) / (a * b if leaving else a)
-    second = -k.one if leaving else rest / total
+    correction = a * rest if abs(a * rest) < k.small * b * b else k.zero
+    first = (correction - b * b if leaving else q) / (a * b if leaving else a)
+    second = -k.one if leaving else rest / q
     missed = (not leaving) & (square <= 0.0)  # a tangent line does not cross the curve
     return (-k.one if missed else first), (-k.one if missed else second)
 
@@ -49,8 +49,8 @@ def arc_hit(k: Precision, a: Arc, x: float, z: float, dx: float, dz: float, leav
     wx, wz = x - a.cx, z - a.cz
     half_b = wx * dx + wz * dz
     rest = wx * wx + wz * wz - a.radius * a.radius
-    passes = abs(wx * dz - wz * dx)  # far away, b² − 4ac would be lost to rounding
-    square = (a.radius - passes) * (a.radius + passes)
+    nearest = abs(wx * dz - wz * dx)  # for a distant origin, rounding would swamp b² − 4ac
+    square = (a.radius - nearest) * (a.radius + nearest)
     t1, t2 = roots(k, k.one, half_b, rest, square, leaving)
     t1 = t1 if (t1 > 0.0) & on_arc(k, a, wx + t1 * dx, wz + t1 * dz) else k.none
     t2 = t2 if (t2 > 0.0) & on_arc(k, a, wx + t2 * dx, wz + t2 * dz) else k.none
@@ -60,15 +60,15 @@ def arc_hit(k: Precision, a: Arc, x: float, z: float, dx: float, dz: float, leav
 @compiled
 def on_arc(k: Precision, a: Arc, px: float, pz: float) -> bool:
     """Whether a point on the circle, relative to its centre, is on the arc."""
-    forward, beside = px * a.mx + pz * a.mz, abs(px * a.mz - pz * a.mx)
-    short = (forward >= -k.end) & (beside <= a.end + k.end)
-    long = (forward >= 0.0) | (beside >= a.end - k.end)
+    forward, sideways = px * a.mx + pz * a.mz, abs(px * a.mz - pz * a.mx)
+    short = (forward >= -k.end) & (sideways <= a.end + k.end)
+    long = (forward >= 0.0) | (sideways >= a.end - k.end)
     return bool(((a.at_most_half == 1.0) & short) | ((a.at_most_half != 1.0) & long))
 
 
 @compiled
 def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to a conic c r² − 2 w + b w² = 0; only the sheet through its vertex, where b w < 1, exists."""
+    """Distance to a conic c r² − 2 w + b w² = 0, of which only the vertex side and branch, b w < 1, are used."""
     wx, wz = x - q.vx, z - q.vz
     r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
     dr, dw = dx * q.lx + dz * q.lz, dz * q.lx - dx * q.lz
@@ -76,7 +76,7 @@ def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, 
     half_b = q.c * r * dr - dw + q.b * w * dw
     rest = q.c * r * r - (w + w) + q.b * w * w
     moment = w * dr - r * dw
-    square = dw * dw + q.c * moment * (dr + dr - q.b * moment)  # half_b² − a rest, without loss of digits far away
+    square = dw * dw + q.c * moment * (dr + dr - q.b * moment)  # half_b² − a rest, also accurate for a distant origin
     t1, t2 = roots(k, a, half_b, rest, square, leaving)
     t1 = t1 if (t1 > 0.0) & on_conic(k, q, r + t1 * dr, w + t1 * dw) else k.none
     t2 = t2 if (t2 > 0.0) & on_conic(k, q, r + t2 * dr, w + t2 * dw) else k.none
@@ -85,7 +85,7 @@ def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def on_conic(k: Precision, q: Conic, r: float, w: float) -> bool:
-    """Whether a point of the conic is on the piece and on the sheet through the vertex."""
+    """Whether a point of the conic is on the piece, and on the vertex side and branch."""
     return bool((r >= q.low - k.end) & (r <= q.high + k.end) & (q.b * w < 1.0))
 
 
@@ -124,26 +124,26 @@ def oval_normal(o: Oval, x: float, z: float) -> tuple[float, float]:
 
 
 @compiled
-def oval_near(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, leaving: bool) -> bool:
+def may_hit_oval(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, leaving: bool) -> bool:
     """Whether a ray may meet the front: a test with straight lines, which avoids Newton's method for most rays.
 
-    The front is in the convex hull of its ends and of the intersections of three of its tangents. With its chord it
-    encloses a convex cap: a ray that leaves the cap through the chord, or that is beyond the chord and moves away, does
-    not meet the front.
+    The front is in the convex hull of its ends and of the intersections of three of its tangents. The front and its
+    chord enclose a convex cap: a ray that leaves the cap through the chord, or that is behind the chord and moves away,
+    does not meet the front.
     """
-    height, climb = (z - o.az) * o.ux - (x - o.ax) * o.uz, dz * o.ux - dx * o.uz
+    height, height_rate = (z - o.az) * o.ux - (x - o.ax) * o.uz, dz * o.ux - dx * o.uz
     a, d = dx * (o.az - z) - dz * (o.ax - x), dx * (o.dz - z) - dz * (o.dx - x)
     b, c = dx * (o.bz - z) - dz * (o.bx - x), dx * (o.cz - z) - dz * (o.cx - x)
     low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-    past = (low > k.margin) | (high < -k.margin)
+    passes = (low > k.margin) | (high < -k.margin)
     between = ((a > k.margin) & (d < -k.margin)) | ((a < -k.margin) & (d > k.margin))
-    leaves = leaving & between & (climb > 0.0)
-    beyond = (height > k.margin) & (climb >= 0.0)
-    return not (past | leaves | beyond)
+    leaves_cap = leaving & between & (height_rate > 0.0)
+    behind_chord = (height > k.margin) & (height_rate >= 0.0)
+    return not (passes | leaves_cap | behind_chord)
 
 
 @compiled
-def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
+def oval_residual(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
     """Residual of the oval equation and its slope along a direction, both multiplied by positive numbers.
 
     The equation is n1 (|P − F1| − s) + n2 (|P − F2| − s'), with each bracket as a difference of squares over a sum.
@@ -153,10 +153,10 @@ def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> 
     square, forward = vx * vx + vz * vz, vx * o.wx + vz * o.wz
     first = o.n1 * (square + (o.s1 + o.s1) * forward) * (b + o.s2)
     second = o.n2 * (square - (o.s2 + o.s2) * forward) * (a + o.s1)
-    forth = ax * dx + az * dz
-    at_focus = a == 0.0  # at the emitter the distance from F1 grows in any direction
-    forth, a = (k.one if at_focus else forth), (k.one if at_focus else a)
-    return first + second, o.n1 * b * forth + o.n2 * a * (bx * dx + bz * dz)
+    a_along = ax * dx + az * dz
+    at_focus = a == 0.0  # at F1 the distance from F1 increases in any direction
+    a_along, a = (k.one if at_focus else a_along), (k.one if at_focus else a)
+    return first + second, o.n1 * b * a_along + o.n2 * a * (bx * dx + bz * dz)
 
 
 @compiled
@@ -174,10 +174,10 @@ def oval_start(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def oval_circle(o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Intersection of the line with the circle about F2 that contains the oval, as a start outside; NaN for none."""
+    """Starting value outside the oval: an intersection with the circle about F2 that contains it; NaN for none."""
     wx, wz = x - o.x2, z - o.z2
-    middle, nearest = -(wx * dx + wz * dz), wx * dz - wz * dx
-    return middle + outwards * math.sqrt(o.circle * o.circle - nearest * nearest)
+    middle, offset = -(wx * dx + wz * dz), wx * dz - wz * dx
+    return middle + outwards * math.sqrt(o.circle * o.circle - offset * offset)
 
 
 @compiled
@@ -197,27 +197,27 @@ def oval_step(
     slope = o.n1 * b * (ax * dx + az * dz) + o.n2 * a * (bx * dx + bz * dz)
     step = (first + second) * (a * b) / ((a + o.s1) * (b + o.s2) * slope)
     missed = slope * outwards <= 0.0
-    settled = (o.n1 * b + o.n2 * a) * step * step <= k.rounding * (abs(t) + a + o.s1) * abs(slope)
-    return (t if missed else t - step), bool(settled & (not missed)), missed
+    converged = (o.n1 * b + o.n2 * a) * step * step <= k.rounding * (abs(t) + a + o.s1) * abs(slope)
+    return (t if missed else t - step), bool(converged & (not missed)), missed
 
 
 @compiled
 def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
     """Distance of the near (``outwards`` −1) or far root (+1) on the entire oval; NaN if the ray misses the oval."""
     t = oval_start(k, o, x, z, dx, dz, outwards)
-    t, settled, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
+    t, converged, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
     if missed or t != t:
         t = oval_circle(o, x, z, dx, dz, outwards)
-        settled, missed = False, t != t
+        converged, missed = False, t != t
     for _ in range(STEPS):
-        if settled or missed:
+        if converged or missed:
             break
-        t, settled, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
-    return t if settled else k.nan
+        t, converged, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
+    return t if converged else k.nan
 
 
 @compiled
-def oval_holds(k: Precision, o: Oval, x: float, z: float) -> bool:
+def on_oval(k: Precision, o: Oval, x: float, z: float) -> bool:
     """Whether a point of the oval is between the rays from the object focus to the front's ends and faces it."""
     rx, rz, qx, qz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
     r, q = math.sqrt(rx * rx + rz * rz), math.sqrt(qx * qx + qz * qz)
@@ -228,18 +228,18 @@ def oval_holds(k: Precision, o: Oval, x: float, z: float) -> bool:
 @compiled
 def oval_hit(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, leaving: bool) -> float:
     """Distance to the front of an oval."""
-    if not oval_near(k, o, x, z, dx, dz, leaving):
+    if not may_hit_oval(k, o, x, z, dx, dz, leaving):
         return k.none
-    value, slope = oval_at(k, o, x, z, dx, dz)
+    value, slope = oval_residual(k, o, x, z, dx, dz)
     outside = value > 0.0 and not leaving
     if slope >= 0.0 and (outside or leaving):
         return k.none  # the ray moves away from a convex region
     if outside:
         t = oval_root(k, o, x, z, dx, dz, -k.one)
-        if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz):
+        if t > 0.0 and on_oval(k, o, x + t * dx, z + t * dz):
             return t
     t = oval_root(k, o, x, z, dx, dz, k.one)
-    return t if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz) else k.none
+    return t if t > 0.0 and on_oval(k, o, x + t * dx, z + t * dz) else k.none
 
 
 # Cubic pieces. A piece turns by less than 90 degrees and has no inflection, so that a line meets it at most twice, and
@@ -254,62 +254,65 @@ def product(a: float, b: float) -> float:
 
 
 @rounded
-def aside(dx: float, dz: float, x: float, z: float) -> float:
-    """Lateral distance of a point from the line of a ray, with a sign that is the same for both pieces at a joint."""
+def lateral(dx: float, dz: float, x: float, z: float) -> float:
+    """Lateral distance of a point from the line of a ray, with the same sign for both pieces at a joint."""
     return product(dx, z) - product(dz, x)
 
 
 @compiled
 def cubic_hit(
-    k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, standing: bool, at: float, beside: float
+    k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, leaving: bool, u_start: float, offset: float
 ) -> tuple[float, float]:
-    """Distance to a cubic piece, and the parameter there; the ray may start on this piece, ``at`` a parameter.
+    """Return the distance to a cubic piece, and the parameter there.
 
-    ``beside`` is the apparent lateral distance of a ray that starts on the neighbouring piece. It is a rounding error,
-    and is subtracted because a ray that leaves at a small angle would otherwise meet this piece immediately.
+    ``leaving`` means that the ray starts on this piece, at the parameter ``u_start``. ``offset`` is the apparent
+    lateral distance of a ray that starts on the neighbouring piece. It is a rounding error, and is subtracted because a
+    ray that leaves at a small angle would otherwise meet this piece immediately.
     """
-    f0, f1 = aside(dx, dz, q.x0 - x, q.z0 - z) - beside, aside(dx, dz, q.x1 - x, q.z1 - z) - beside
-    f2, f3 = aside(dx, dz, q.x2 - x, q.z2 - z) - beside, aside(dx, dz, q.x3 - x, q.z3 - z) - beside
+    f0, f1 = lateral(dx, dz, q.x0 - x, q.z0 - z) - offset, lateral(dx, dz, q.x1 - x, q.z1 - z) - offset
+    f2, f3 = lateral(dx, dz, q.x2 - x, q.z2 - z) - offset, lateral(dx, dz, q.x3 - x, q.z3 - z) - offset
     c1 = k.three * (f1 - f0)
     c2 = k.three * ((f2 - f1) - (f1 - f0))
     c3 = (f3 - f0) - k.three * (f2 - f1)
-    if standing:
-        return cubic_other(k, q, x, z, dx, dz, at, f0, c1, c2, c3)
-    reach = k.end if q.before > 0.0 or q.after > 0.0 else k.zero
-    if min(min(f0, f1), min(f2, f3)) > reach or max(max(f0, f1), max(f2, f3)) < -reach:
+    if leaving:
+        return cubic_other_hit(k, q, x, z, dx, dz, u_start, f0, c1, c2, c3)
+    margin = k.end if q.before_per_mm > 0.0 or q.after_per_mm > 0.0 else k.zero
+    if min(min(f0, f1), min(f2, f3)) > margin or max(max(f0, f1), max(f2, f3)) < -margin:
         return k.none, k.zero  # the entire hull is on one side
-    best, place = k.none, k.zero
-    turn = cubic_turn(k, f0, f1, f2, f3)
-    ends = (k.zero, turn, k.one)
-    ftop = f0 + turn * (c1 + turn * (c2 + turn * c3))
-    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # exactly the sign for the next piece
+    distance, u_hit = k.none, k.zero
+    u_top = cubic_extremum(k, f0, f1, f2, f3)
+    ends = (k.zero, u_top, k.one)
+    f_top = f0 + u_top * (c1 + u_top * (c2 + u_top * c3))
+    f_top = f3 if u_top >= 1.0 else f0 if u_top <= 0.0 else f_top  # the same sign as for the next piece
     for half in range(2):
         low, high = ends[half], ends[half + 1]
-        flow, fhigh = (f0, ftop) if half == 0 else (ftop, f3)
-        if (flow < 0.0) == (fhigh < 0.0) or low >= high:
+        f_low, f_high = (f0, f_top) if half == 0 else (f_top, f3)
+        if (f_low < 0.0) == (f_high < 0.0) or low >= high:
             continue
-        u = cubic_root(k, f0, c1, c2, c3, low, high, flow < 0.0)
-        t = cubic_along(k, q, x, z, dx, dz, u)
-        if 0.0 < t < best:
-            best, place = t, u
+        u = cubic_root(k, f0, c1, c2, c3, low, high, f_low < 0.0)
+        t = cubic_distance(k, q, x, z, dx, dz, u)
+        if 0.0 < t < distance:
+            distance, u_hit = t, u
     for end in range(2):  # the straight extension beyond an end of the complete curve
         u = -f0 / c1 if end == 0 else k.one - f3 / (k.three * (f3 - f2))
-        beyond = (-q.before * k.end <= u < 0.0) if end == 0 else (1.0 < u <= k.one + q.after * k.end)
-        t = cubic_along(k, q, x, z, dx, dz, u) if beyond else k.none
-        if 0.0 < t < best:
-            best, place = t, u
-    return best, place
+        on_extension = (
+            (-q.before_per_mm * k.end <= u < 0.0) if end == 0 else (1.0 < u <= k.one + q.after_per_mm * k.end)
+        )
+        t = cubic_distance(k, q, x, z, dx, dz, u) if on_extension else k.none
+        if 0.0 < t < distance:
+            distance, u_hit = t, u
+    return distance, u_hit
 
 
 @compiled
-def cubic_beside(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
+def cubic_offset(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
     """Lateral distance between the line of a ray and the point of a piece at a parameter."""
     px, pz = cubic_point(k, q, u)
     return dx * (pz - z) - dz * (px - x)
 
 
 @compiled
-def cubic_turn(k: Precision, f0: float, f1: float, f2: float, f3: float) -> float:
+def cubic_extremum(k: Precision, f0: float, f1: float, f2: float, f3: float) -> float:
     """Parameter at which f has its extremum; 1 if there is none inside.
 
     f' is proportional to g0 (1 − u)² + 2 g1 u (1 − u) + g2 u²; if g0 and g2 differ in sign, it has one root.
@@ -323,62 +326,64 @@ def cubic_turn(k: Precision, f0: float, f1: float, f2: float, f3: float) -> floa
 
 
 @compiled
-def cubic_root(k: Precision, f0: float, c1: float, c2: float, c3: float, low: float, high: float, rises: bool) -> float:
+def cubic_root(
+    k: Precision, f0: float, c1: float, c2: float, c3: float, low: float, high: float, rising: bool
+) -> float:
     """Root of f0 + c1 u + c2 u² + c3 u³ in a bracket where it is monotonic: Newton's method with bisection."""
     u = k.half * (low + high)
     for _ in range(STEPS):
         value = f0 + u * (c1 + u * (c2 + u * c3))
-        if (value < 0.0) == rises:
+        if (value < 0.0) == rising:
             low = u
         else:
             high = u
         slope = c1 + u * (c2 + c2 + k.three * u * c3)
-        new = u - value / slope
-        if not low <= new <= high:
-            new = k.half * (low + high)
-        if abs(new - u) <= k.rounding or value == 0.0:
-            return new
-        u = new
+        u_next = u - value / slope
+        if not low <= u_next <= high:
+            u_next = k.half * (low + high)
+        if abs(u_next - u) <= k.rounding or value == 0.0:
+            return u_next
+        u = u_next
     return u
 
 
 @compiled
-def cubic_other(
+def cubic_other_hit(
     k: Precision,
     q: Cubic,
     x: float,
     z: float,
     dx: float,
     dz: float,
-    at: float,
+    u_start: float,
     f0: float,
     c1: float,
     c2: float,
     c3: float,
 ) -> tuple[float, float]:
-    """The other hit of a ray that starts on the piece: division of f by (u − at) leaves a quadratic."""
-    rest = f0 + at * (c1 + at * (c2 + at * c3))
-    b1 = c1 + at * (c2 + c2 + k.three * at * c3)
-    b2 = c2 + k.three * at * c3
+    """Return the other hit of a ray that starts on the piece: division of f by (u − u_start) leaves a quadratic."""
+    rest = f0 + u_start * (c1 + u_start * (c2 + u_start * c3))
+    b1 = c1 + u_start * (c2 + c2 + k.three * u_start * c3)
+    b2 = c2 + k.three * u_start * c3
     square = b2 * b2 - (c3 + c3 + c3 + c3) * b1
     if square < 0.0:
         return k.none, k.zero
     root = math.sqrt(square)
-    total = -k.half * (b2 + (root if b2 >= 0.0 else -root))
-    best, place = k.none, k.zero
-    for which in range(2):
-        v = total / c3 if which == 0 else b1 / total
+    q_sum = -k.half * (b2 + (root if b2 >= 0.0 else -root))
+    distance, u_hit = k.none, k.zero
+    for i in range(2):
+        v = q_sum / c3 if i == 0 else b1 / q_sum
         slope = b1 + v * (b2 + b2 + k.three * v * c3)
         v -= rest / slope if abs(rest) < k.small * abs(slope * v) else k.zero
-        u = at + v
-        t = cubic_along(k, q, x, z, dx, dz, u)
-        if -q.before * k.end <= u <= k.one + q.after * k.end and 0.0 < t < best:
-            best, place = t, u
-    return best, place
+        u = u_start + v
+        t = cubic_distance(k, q, x, z, dx, dz, u)
+        if -q.before_per_mm * k.end <= u <= k.one + q.after_per_mm * k.end and 0.0 < t < distance:
+            distance, u_hit = t, u
+    return distance, u_hit
 
 
 @compiled
-def cubic_along(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
+def cubic_distance(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
     """Distance along a ray to the point of a piece at a parameter."""
     px, pz = cubic_point(k, q, u)
     return (px - x) * dx + (pz - z) * dz

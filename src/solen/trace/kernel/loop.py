@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from solen.trace.kernel.block import find_block
-from solen.trace.kernel.block_step import ASIDE, LEFT, absorbs, pass_block
+from solen.trace.kernel.block_step import DEFERRED, UNTREATED, absorbs, pass_block
 from solen.trace.kernel.buffers import (
-    AT,
     BLOCK,
     BRANCH,
     COLOUR,
@@ -21,17 +20,18 @@ from solen.trace.kernel.buffers import (
     DZ,
     HIT,
     LAST,
-    LEAST,
+    MIN_POWER,
     NUMBER,
     OPTICAL,
     PARENT,
     REGION,
     Buffers,
-    Carried,
+    Loads,
     P,
     Rays,
     Rows,
     S,
+    U,
     X,
     Z,
     copy_ray,
@@ -41,70 +41,70 @@ from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import Hit, Ray
 from solen.trace.kernel.rows import Floats, Precision, Tags
 from solen.trace.kernel.step import (
+    Arrival,
     Load,
-    Meeting,
     Rules,
-    carried_on,
+    attenuated,
     escape,
     free_path,
     leave,
     meet,
     part,
+    past_corner,
     phase_turn,
-    turned,
-    weakened,
+    rotated,
 )
 from solen.trace.kernel.surface import COUNT, ROULETTE
 from solen.trace.kernel.tally import (
-    CUT,
     HITS,
+    TRUNCATIONS,
     UNDEFINED,
-    Stem,
+    Lineage,
     Sums,
     count_arrival,
     count_monitors,
-    note_leg,
-    note_place,
+    store_location,
+    store_segment,
 )
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 FEW = BLOCK // 8
-"""Number of rays left in a block at which further rays are launched."""
+"""Number of rays in a block at or below which further rays are launched."""
 WHOLE: Any = np.int64
 """Integer type for single rays, the same for both precisions."""
 
 
 @compiled
-def read(row: Floats, tag: Tags) -> tuple[Ray, Load, Stem]:
+def read(row: Floats, tag: Tags) -> tuple[Ray, Load, Lineage]:
     """Read a ray from its row."""
-    ray = Ray(row[X], row[Z], row[DX], row[DZ], WHOLE(tag[LAST]), row[AT])
+    ray = Ray(row[X], row[Z], row[DX], row[DZ], WHOLE(tag[LAST]), row[U])
     region, colour, number, hits = WHOLE(tag[REGION]), WHOLE(tag[COLOUR]), WHOLE(tag[NUMBER]), WHOLE(tag[HIT])
-    load = Load(row[S], row[P], row[LEAST], row[OPTICAL], region, colour, number, hits)
-    return ray, load, Stem(WHOLE(tag[BRANCH]), WHOLE(tag[PARENT]))
+    load = Load(row[S], row[P], row[MIN_POWER], row[OPTICAL], region, colour, number, hits)
+    return ray, load, Lineage(WHOLE(tag[BRANCH]), WHOLE(tag[PARENT]))
 
 
 @compiled
-def write(row: Floats, tag: Tags, ray: Ray, load: Load, stem: Stem) -> None:
+def write(row: Floats, tag: Tags, ray: Ray, load: Load, lineage: Lineage) -> None:
     """Write a ray to its row."""
-    row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT] = ray
-    row[S], row[P], row[LEAST], row[OPTICAL], tag[REGION], tag[COLOUR], tag[NUMBER], tag[HIT] = load
-    tag[BRANCH], tag[PARENT] = stem
+    row[X], row[Z], row[DX], row[DZ], tag[LAST], row[U] = ray
+    row[S], row[P], row[MIN_POWER], row[OPTICAL], tag[REGION], tag[COLOUR], tag[NUMBER], tag[HIT] = load
+    tag[BRANCH], tag[PARENT] = lineage
 
 
 @compiled
 def launch(
-    k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int, buffers: Buffers, stems: bool
+    k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int, buffers: Buffers, with_lineage: bool
 ) -> None:
-    """Add rays from number ``first`` on behind the n rays of a block, row by row; ``stems`` numbers their branches."""
+    """Add ``many`` rays from index ``first`` on to the n rays of a block; ``with_lineage`` also sets their branches."""
     state, tags = buffers.state, buffers.tags
     for row, numbers in ((X, rays.x), (Z, rays.z), (DX, rays.dx), (DZ, rays.dz), (S, rays.s), (P, rays.p)):
         for i in range(many):
             state[row, n + i] = numbers[first + i]
     for i in range(n, n + many):
-        state[LEAST, i], state[OPTICAL, i] = rules.min_weight * (state[S, i] + state[P, i]), k.zero
+        state[MIN_POWER, i], state[OPTICAL, i] = rules.min_weight * (state[S, i] + state[P, i]), k.zero
     for row, tag in ((REGION, -1), (LAST, -1), (HIT, 0), (BRANCH, 0), (PARENT, -1)):
-        for i in range(many if stems or row not in (BRANCH, PARENT) else 0):
+        for i in range(many if with_lineage or row not in (BRANCH, PARENT) else 0):
             tags[row, n + i] = tag
     for i in range(many):
         tags[NUMBER, n + i] = first + i
@@ -114,7 +114,7 @@ def launch(
 
 @compiled
 def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
-    """Move the last continuing rays to the positions of rays that ended; return the number of continuing rays."""
+    """Move the last continuing rays to the positions of rays that have ended; return the number of continuing rays."""
     first = 0
     while True:
         while first < n and fate[first] == GOES_ON:
@@ -130,43 +130,53 @@ def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
 
 @called
 def scatter(
-    k: Precision, tables: Tables, sums: Sums, rules: Rules, ray: Ray, load: Load, stem: Stem, met: Meeting, way: float
+    k: Precision,
+    tables: Tables,
+    sums: Sums,
+    rules: Rules,
+    ray: Ray,
+    load: Load,
+    lineage: Lineage,
+    arrival: Arrival,
+    way: float,
 ) -> tuple[bool, Ray, Load]:
     """Scatter a ray in a medium after the distance ``way``; return whether it continues, and the scattered ray."""
-    kept = math.exp(-met.loss * way) if met.loss > 0.0 else k.one
-    after = weakened(load, kept, tables.refractive_index[load.colour, met.here] * way)
+    kept = math.exp(-arrival.loss * way) if arrival.loss > 0.0 else k.one
+    after = attenuated(load, kept, tables.refractive_index[load.colour, arrival.medium] * way)
     power, left = load.s + load.p, after.s + after.p
-    worn_out = load.hits + 1 >= rules.max_hits or left < load.least
+    exhausted = load.hits + 1 >= rules.max_hits or left < load.min_power
     if len(tables.monitor) > 0:
-        count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, way, power, met.loss)
-    if len(sums.legs) > 0:
-        note_leg(sums, rules, ray, load, stem, -1, TRUNCATED if worn_out else GOES_ON, way, kept)
+        count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, way, power, arrival.loss)
+    if len(sums.segments) > 0:
+        store_segment(sums, rules, ray, load, lineage, -1, TRUNCATED if exhausted else GOES_ON, way, kept)
     sums.fate[ABSORBED] += power - left
     x, z = ray.x + way * ray.dx, ray.z + way * ray.dz
-    if worn_out:
+    if exhausted:
         sums.fate[TRUNCATED] += left
-        note_place(sums, CUT, x, z)
-    dx, dz = turned(k, phase_turn(k, tables, rules, met.here, load), ray.dx, ray.dz)
-    ahead = Load(after.s, after.p, load.least, after.optical, met.here, load.colour, load.number, load.hits + 1)
-    return not worn_out, Ray(x, z, dx, dz, -1, k.zero), ahead
+        store_location(sums, TRUNCATIONS, x, z)
+    dx, dz = rotated(k, phase_turn(k, tables, rules, arrival.medium, load), ray.dx, ray.dz)
+    ahead = Load(
+        after.s, after.p, load.min_power, after.optical, arrival.medium, load.colour, load.number, load.hits + 1
+    )
+    return not exhausted, Ray(x, z, dx, dz, -1, k.zero), ahead
 
 
 @called
-def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
+def trace_rays(  # noqa: C901  one loop, as passing arrays takes time
     k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, buffers: Buffers, treatments: Floats | None
 ) -> bool:
     """Trace rays and add their powers; return False if there is no room for all waiting branches.
 
     ``treatments`` are those of the tables, or None if there are none.
     """
-    state, tags, found = buffers.state, buffers.tags, buffers.found
-    block = Rays(state[X], state[Z], state[DX], state[DZ], tags[LAST], state[AT])
+    state, tags, block_hits = buffers.state, buffers.tags, buffers.hit
+    block = Rays(state[X], state[Z], state[DX], state[DZ], tags[LAST], state[U])
     waiting_state, waiting_tags, branches = buffers.waiting_state, buffers.waiting_tags, buffers.branches
-    keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0
-    n, waiting, launched, fates = 0, 0, 0, found.pick
-    carried = Carried(state[S], state[P], state[LEAST], state[OPTICAL], tags[REGION], tags[COLOUR], tags[HIT])
+    stores_segments, has_monitors = len(sums.segments) > 0, len(tables.monitor) > 0
+    n, waiting, launched, fates = 0, 0, 0, block_hits.int_work
+    loads = Loads(state[S], state[P], state[MIN_POWER], state[OPTICAL], tags[REGION], tags[COLOUR], tags[HIT])
     clear = rules.splitting == COUNT or not absorbs(tables.absorption)
-    special = keeps_legs or has_monitors or rules.turbid or sums.position.shape[1] > 0 or sums.angle.shape[1] > 0
+    special = stores_segments or has_monitors or rules.turbid or sums.position.shape[1] > 0 or sums.angle.shape[1] > 0
     side_by_side = rules.splitting != ROULETTE and not special
     while True:
         n, waiting = resume(state, tags, n, waiting_state, waiting_tags, waiting)
@@ -178,77 +188,79 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             n += many
         if n == 0:
             return True
-        find_block(k, tables, n, block, found)
+        find_block(k, tables, n, block, block_hits)
         left = n
         if side_by_side:
             if waiting + n > len(waiting_state):
                 return False
-            waiting, left = pass_block(k, tables, rules, sums, n, block, carried, buffers, clear, waiting)
+            waiting, left = pass_block(k, tables, rules, sums, n, block, loads, buffers, clear, waiting)
         else:
             for i in range(n):
-                fates[i] = LEFT
+                fates[i] = DEFERRED
         for i in range(n if left > 0 else 0):
-            if fates[i] > ASIDE:
+            if fates[i] > UNTREATED:
                 continue
             fates[i] = GOES_ON
-            ray, load, stem = read(state[:, i], tags[:, i])
-            hit, power = Hit(found.distance[i], WHOLE(found.curve[i]), found.place[i]), load.s + load.p
+            ray, load, lineage = read(state[:, i], tags[:, i])
+            hit, power = Hit(block_hits.distance[i], WHOLE(block_hits.curve[i]), block_hits.u[i]), load.s + load.p
             if hit.curve < 0:
                 loss, fate = escape(k, tables, rules, load.region, load.colour)
                 if has_monitors:
                     count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, math.inf, power, loss)
-                if keeps_legs:
-                    note_leg(sums, rules, ray, load, stem, -1, fate, math.inf, 1.0)
+                if stores_segments:
+                    store_segment(sums, rules, ray, load, lineage, -1, fate, math.inf, 1.0)
                 sums.fate[fate] += power
                 fates[i] = fate
                 continue
-            met = meet(k, tables, rules, ray, hit, load)
-            if met.corner:
-                write(state[:, i], tags[:, i], carried_on(k, ray, hit), load, stem)
+            arrival = meet(k, tables, rules, ray, hit, load)
+            if arrival.corner:
+                write(state[:, i], tags[:, i], past_corner(k, ray, hit), load, lineage)
                 continue
             sums.counts[HITS] += 1
-            if rules.turbid and not met.undefined:
-                way = free_path(k, tables, rules, met.here, load)
+            if rules.turbid and not arrival.undefined:
+                way = free_path(k, tables, rules, arrival.medium, load)
                 if way < hit.distance:
-                    goes_on, ray, load = scatter(k, tables, sums, rules, ray, load, stem, met, way)
-                    write(state[:, i], tags[:, i], ray, load, stem)
+                    goes_on, ray, load = scatter(k, tables, sums, rules, ray, load, lineage, arrival, way)
+                    write(state[:, i], tags[:, i], ray, load, lineage)
                     fates[i] = GOES_ON if goes_on else TRUNCATED
                     continue
-            if met.undefined:
-                note_place(sums, UNDEFINED, met.x, met.z)
+            if arrival.undefined:
+                store_location(sums, UNDEFINED, arrival.x, arrival.z)
             elif has_monitors:
-                count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, hit.distance, power, met.loss)
-            if keeps_legs:
-                note_leg(sums, rules, ray, load, stem, tables.owner[hit.curve], met.fate, hit.distance, met.kept)
-            load = weakened(load, met.kept, tables.refractive_index[load.colour, met.here] * hit.distance)
-            if met.loss > 0.0:
+                count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, hit.distance, power, arrival.loss)
+            if stores_segments:
+                store_segment(
+                    sums, rules, ray, load, lineage, tables.owner[hit.curve], arrival.fate, hit.distance, arrival.kept
+                )
+            load = attenuated(load, arrival.kept, tables.refractive_index[load.colour, arrival.medium] * hit.distance)
+            if arrival.loss > 0.0:
                 sums.fate[ABSORBED] += power - (load.s + load.p)
                 power = load.s + load.p
-            if met.fate != GOES_ON:
-                fates[i] = met.fate
-                sums.fate[met.fate] += power
-                if met.fate == TRUNCATED and not met.undefined:
-                    note_place(sums, CUT, met.x, met.z)
-                if met.fate == DETECTED:
-                    count_arrival(k, tables, sums, ray, hit, met, power, load.optical)
+            if arrival.fate != GOES_ON:
+                fates[i] = arrival.fate
+                sums.fate[arrival.fate] += power
+                if arrival.fate == TRUNCATED and not arrival.undefined:
+                    store_location(sums, TRUNCATIONS, arrival.x, arrival.z)
+                if arrival.fate == DETECTED:
+                    count_arrival(k, tables, sums, ray, hit, arrival, power, load.optical)
                 continue
-            gone = leave(k, tables, rules, treatments, ray, hit.curve, met, load)
-            if gone.lost > 0.0:
-                sums.fate[ABSORBED] += gone.lost
-            if gone.cut > 0.0:
-                sums.fate[TRUNCATED] += gone.cut
-                note_place(sums, CUT, met.x, met.z)
-            if gone.ends:
+            departure = leave(k, tables, rules, treatments, ray, hit.curve, arrival, load)
+            if departure.absorbed > 0.0:
+                sums.fate[ABSORBED] += departure.absorbed
+            if departure.truncated > 0.0:
+                sums.fate[TRUNCATED] += departure.truncated
+                store_location(sums, TRUNCATIONS, arrival.x, arrival.z)
+            if departure.ends:
                 fates[i] = TRUNCATED
                 continue
-            if gone.both:
+            if departure.both:
                 if waiting == len(waiting_state):
                     return False
-                ray, its = part(hit, met, gone.parts, load, not gone.goes_back)
-                write(waiting_state[waiting], waiting_tags[waiting], ray, its, stem)
+                ray, other_load = part(hit, arrival, departure.parts, load, not departure.reflected_first)
+                write(waiting_state[waiting], waiting_tags[waiting], ray, other_load, lineage)
                 waiting += 1
-                stem = Stem(branches[load.number], stem.branch)
+                lineage = Lineage(branches[load.number], lineage.branch)
                 branches[load.number] += 1
-            ray, load = part(hit, met, gone.parts, load, gone.goes_back)
-            write(state[:, i], tags[:, i], ray, load, stem)
+            ray, load = part(hit, arrival, departure.parts, load, departure.reflected_first)
+            write(state[:, i], tags[:, i], ray, load, lineage)
         n = close_up(n, state, tags, fates)

@@ -18,7 +18,7 @@ from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
 Tags = NDArray[np.signedinteger]
-"""Integers of the same width as the floating-point numbers, so that equally many fit into a register."""
+"""Integers of the same width as the floating-point numbers, so that as many fit into a register."""
 N = TypeVar("N", float, np.signedinteger)
 TYPES: dict[Any, type[np.number]] = {types.float32: np.float32, types.int32: np.int32, types.int64: np.int64}
 
@@ -30,7 +30,7 @@ SMOOTH, LAMBERTIAN, GAUSSIAN, HARVEY_SHACK, BY_TABLE = range(5)
 
 
 class Precision(NamedTuple):
-    """Constants in the precision of the computation: arithmetic with literals would be done in double precision."""
+    """Constants in the precision of the computation, because literals would make it double."""
 
     zero: float
     half: float
@@ -49,9 +49,9 @@ class Precision(NamedTuple):
         """Return the constants for double or single precision."""
         double = dtype is np.float64
         lengths = (END_TOLERANCE_MM, 2 * END_TOLERANCE_MM, 1e-9) if double else (1e-5, 2e-5, 1e-3)
-        rest = (SMALL, ROUNDING if double else 2.0**-22)
-        in_it: Callable[[float], Any] = dtype  # the values are used as floats
-        return cls(*(in_it(value) for value in (0.0, 0.5, 1.0, 3.0, np.inf, np.nan, *lengths, *rest)))
+        others = (SMALL, ROUNDING if double else 2.0**-22)
+        convert: Callable[[float], Any] = dtype  # the values are used as floats
+        return cls(*(convert(value) for value in (0.0, 0.5, 1.0, 3.0, np.inf, np.nan, *lengths, *others)))
 
 
 class Segment(NamedTuple):
@@ -65,7 +65,7 @@ class Segment(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """Centre (cx, cz); (mx, mz) points to the midpoint of the arc, whose ends are ``end`` away from that axis."""
+    """Centre (cx, cz); (mx, mz) points to the midpoint of the arc, and ``end`` is the distance of its ends from it."""
 
     cx: float
     cz: float
@@ -78,7 +78,7 @@ class Arc(NamedTuple):
 
 
 class Conic(NamedTuple):
-    """c r² − 2 w + b w² = 0 about the vertex, r along the unit vector (lx, lz) from low to high, w to its left."""
+    """c r² − 2 w + b w² = 0 about the vertex; r along the unit vector (lx, lz), from low to high, and w to its left."""
 
     vx: float
     vz: float
@@ -128,9 +128,9 @@ class Oval(NamedTuple):
 
 
 class Cubic(NamedTuple):
-    """Cubic Bézier piece with no inflection and a small turning angle.
+    """Cubic Bézier piece with no inflection and a small turn.
 
-    At an end of the complete curve, ``before`` or ``after`` is the parameter per mm; elsewhere it is 0.
+    At an end of the complete curve, ``before_per_mm`` or ``after_per_mm`` is the parameter per mm; elsewhere it is 0.
     """
 
     x0: float
@@ -141,10 +141,10 @@ class Cubic(NamedTuple):
     z2: float
     x3: float
     z3: float
-    before: float
-    after: float
-    first: float  # parameter on the complete curve at the start of the piece
-    last: float  # and at the end of the piece
+    before_per_mm: float
+    after_per_mm: float
+    u_from: float  # parameter on the complete curve at the start of the piece
+    u_to: float  # and at the end of the piece
 
 
 class Treatment(NamedTuple):
@@ -160,17 +160,17 @@ class Treatment(NamedTuple):
     scatter: float  # kind of scatter profile
     width: float  # sigma or shoulder of the profile
     wing: float  # slope of the profile
-    share: float
+    scatter_fraction: float
     tilt: float  # steepest slope of the texture
-    across: float  # 1 if its crests follow one another along y
+    across: float  # 1 if the texture varies along y
     first_layer: float
     layers: float
-    first_row: float  # fractions by the angle of incidence from the left, or orders of a grating
+    first_row: float  # table of fractions for light from the left, or orders of a grating
     rows: float
-    rows_right: float  # the same for light from the right, after those rows
+    rows_right: float  # rows for light from the right, which follow
     lines: float  # grating lines per nm, negative for reflection; 0 for none
-    first_off: float  # scatter profile
-    offs: float
+    first_offset: float  # first row of the scatter profile
+    offset_count: float
 
 
 @compiled
@@ -183,13 +183,13 @@ def treatment_row(treatments: Floats, i: int) -> Treatment:
     )  # fmt: skip
 
 
-def as_in(sample: N, number: float) -> N:
-    """A number in the type of another; a wider type would halve the number of rays computed together."""
+def typed(sample: N, number: float) -> N:
+    """Return a number in the type of a sample; a wider type would halve the number of rays per register."""
     return type(sample)(number)
 
 
-@overload(as_in)
-def _as_in(_sample: Any, _number: Any) -> Any:
+@overload(typed)
+def _typed(_sample: Any, _number: Any) -> Any:
     kind = TYPES.get(_sample, np.float64)
 
     def convert(_sample: Any, _number: Any) -> Any:
@@ -199,19 +199,19 @@ def _as_in(_sample: Any, _number: Any) -> Any:
 
 
 @intrinsic
-def _least(_: Any, a: Any, b: Any) -> Any:
+def _smaller(_: Any, a: Any, b: Any) -> Any:
     """The smaller of two numbers that are not NaN, in a form that can be vectorised."""
     return a(a, b), _extreme("llvm.minnum")
 
 
 @intrinsic
-def _greatest(_: Any, a: Any, b: Any) -> Any:
-    """The larger of two numbers; see `_least`."""
+def _larger(_: Any, a: Any, b: Any) -> Any:
+    """The larger of two numbers; see `_smaller`."""
     return a(a, b), _extreme("llvm.maxnum")
 
 
-least = cast("Callable[[float, float], float]", _least)
-greatest = cast("Callable[[float, float], float]", _greatest)
+smaller = cast("Callable[[float, float], float]", _smaller)
+larger = cast("Callable[[float, float], float]", _larger)
 
 
 def _extreme(name: str) -> Callable[..., Any]:

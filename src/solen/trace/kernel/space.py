@@ -34,7 +34,7 @@ class Coherency(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """Light on its way: direction, the basis vector e, and its coherency."""
+    """Light: its direction, the basis vector e, and its coherency."""
 
     d: Vector
     e: Vector
@@ -42,13 +42,13 @@ class Beam(NamedTuple):
 
 
 class Border(NamedTuple):
-    """A surface seen from the incident light: the normal is on the side of the light, which comes from the index n1."""
+    """A surface as seen from the incident light: the normal is on the side of the light, where the index is n1."""
 
     n: Vector
     n1: float
     n2: float
     from_right: bool
-    """whether light comes from the right of the curve in projection; not used for bare surfaces"""
+    """whether light comes from the right of the curve in projection; only treated surfaces use it"""
 
 
 class Parts(NamedTuple):
@@ -59,21 +59,21 @@ class Parts(NamedTuple):
 
 
 @compiled
-def scalar(a: Vector, b: Vector) -> float:
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 @compiled
-def vector(a: Vector, b: Vector) -> Vector:
+def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
 @compiled
-def unit_of(a: Vector) -> Vector:
+def unit(a: Vector) -> Vector:
     """Vector scaled to length 1."""
-    scale = 1.0 / math.sqrt(scalar(a, a))
+    scale = 1.0 / math.sqrt(dot(a, a))
     return Vector(scale * a.x, scale * a.y, scale * a.z)
 
 
@@ -83,25 +83,25 @@ def upright(d: Vector) -> Vector:
     flat = d.x * d.x + d.z * d.z
     if flat < PARALLEL * PARALLEL:
         return Vector(1.0, 0.0, 0.0)
-    return unit_of(Vector(-d.y * d.x, flat, -d.y * d.z))
+    return unit(Vector(-d.y * d.x, flat, -d.y * d.z))
 
 
 @compiled
-def turned_basis(light: Coherency, cos: float, sin: float) -> Coherency:
+def rotated_basis(light: Coherency, cos: float, sin: float) -> Coherency:
     """Coherency in the basis rotated by an angle from e towards d × e."""
-    both, cross = 2.0 * cos * sin * light.cr, cos * sin * (light.i2 - light.i1)
+    correlation, difference = 2.0 * cos * sin * light.cr, cos * sin * (light.i2 - light.i1)
     return Coherency(
-        cos * cos * light.i1 + sin * sin * light.i2 + both,
-        sin * sin * light.i1 + cos * cos * light.i2 - both,
-        cross + (cos * cos - sin * sin) * light.cr,
+        cos * cos * light.i1 + sin * sin * light.i2 + correlation,
+        sin * sin * light.i1 + cos * cos * light.i2 - correlation,
+        difference + (cos * cos - sin * sin) * light.cr,
         light.ci,
     )
 
 
 @compiled
-def scaled(light: Coherency, by: float) -> Coherency:
+def scaled(light: Coherency, factor: float) -> Coherency:
     """Coherency with the power multiplied by a factor."""
-    return Coherency(by * light.i1, by * light.i2, by * light.cr, by * light.ci)
+    return Coherency(factor * light.i1, factor * light.i2, factor * light.cr, factor * light.ci)
 
 
 @compiled
@@ -111,9 +111,9 @@ def power_of(light: Coherency) -> float:
 
 
 @compiled
-def times(beam: Beam, by: float) -> Beam:
+def scaled_beam(beam: Beam, factor: float) -> Beam:
     """Light with the power multiplied by a factor."""
-    return Beam(beam.d, beam.e, scaled(beam.light, by))
+    return Beam(beam.d, beam.e, scaled(beam.light, factor))
 
 
 @compiled
@@ -128,71 +128,73 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
     """Return Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
     square = (n2 - n1) * (n2 + n1) + axial * axial
     if square <= 0.0:
-        # total reflection: both phases, from the square root of their product
-        behind = math.sqrt(-square)
-        real, imaginary = n2 * n2 * axial * axial - n1 * n1 * square, (n2 - n1) * (n2 + n1) * axial * behind
-        whole = real * real + imaginary * imaginary
-        cr, ci = (real - imaginary) * (real + imaginary) / whole, 2.0 * real * imaginary / whole
+        # total reflection: cr + i·ci is the square of a complex number with half its phase
+        decay = math.sqrt(-square)
+        real, imaginary = n2 * n2 * axial * axial - n1 * n1 * square, (n2 - n1) * (n2 + n1) * axial * decay
+        squared = real * real + imaginary * imaginary
+        cr, ci = (real - imaginary) * (real + imaginary) / squared, 2.0 * real * imaginary / squared
         return Amplitudes(1.0, 1.0, cr, ci, 0.0, 0.0, 0.0, 0.0)
-    behind_real = math.sqrt(square)
-    rs = (axial - behind_real) / (axial + behind_real)
-    rp = (n2 * n2 * axial - n1 * n1 * behind_real) / (n2 * n2 * axial + n1 * n1 * behind_real)
+    axial_2 = math.sqrt(square)
+    rs = (axial - axial_2) / (axial + axial_2)
+    rp = (n2 * n2 * axial - n1 * n1 * axial_2) / (n2 * n2 * axial + n1 * n1 * axial_2)
     on_s, on_p = 1.0 - rs * rs, 1.0 - rp * rp
     return Amplitudes(rs * rs, rp * rp, rs * rp, 0.0, on_s, on_p, math.sqrt(max(on_s * on_p, 0.0)), 0.0)
 
 
 @compiled
-def passed(amount_s: float, amount_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
-    """Coherency with both fields attenuated and their product multiplied by a complex number."""
+def transformed(fraction_s: float, fraction_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
+    """Coherency with the powers of both fields and their correlation multiplied by factors, the last one complex."""
     return Coherency(
-        amount_s * light.i1, amount_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
+        fraction_s * light.i1, fraction_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
     )
 
 
 @compiled
 def in_plane_of_incidence(d: Vector, e: Vector, n: Vector, light: Coherency) -> tuple[Vector, Coherency]:
-    """The unit vector s perpendicular to the plane of incidence, and the coherency in its basis."""
-    across = vector(d, n)
-    size = math.sqrt(scalar(across, across))
-    if size < PARALLEL:
+    """Return the unit vector s perpendicular to the plane of incidence, and the coherency in its basis."""
+    normal_vector = cross(d, n)
+    sine = math.sqrt(dot(normal_vector, normal_vector))
+    if sine < PARALLEL:
         return e, light
-    s = Vector(across.x / size, across.y / size, across.z / size)
-    return s, turned_basis(light, scalar(s, e), scalar(s, vector(d, e)))
+    s = Vector(normal_vector.x / sine, normal_vector.y / sine, normal_vector.z / sine)
+    return s, rotated_basis(light, dot(s, e), dot(s, cross(d, e)))
 
 
 @compiled
-def mirrored(d: Vector, n: Vector, cos: float) -> Vector:
+def reflected(d: Vector, n: Vector, cos: float) -> Vector:
     """Direction after a reflection, normalised to avoid drift over many reflections."""
     twice = cos + cos
     x, y, z = d.x + twice * n.x, d.y + twice * n.y, d.z + twice * n.z
-    mend = 1.0 + 0.5 * (1.0 - (x * x + y * y + z * z))
-    return Vector(mend * x, mend * y, mend * z)
+    correction = 1.0 + 0.5 * (1.0 - (x * x + y * y + z * z))
+    return Vector(correction * x, correction * y, correction * z)
 
 
 @compiled
-def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
+def refracted(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
     """Direction behind a surface by Snell's law; undefined for total reflection."""
     square = (n2 - n1) * (n2 + n1) + (n1 * cos) * (n1 * cos)
     if square <= 0.0:
         return d
-    bend = (n1 * cos - math.sqrt(square)) / n2
+    normal_part = (n1 * cos - math.sqrt(square)) / n2
     ratio = n1 / n2
-    return unit_of(Vector(ratio * d.x + bend * n.x, ratio * d.y + bend * n.y, ratio * d.z + bend * n.z))
+    return unit(
+        Vector(ratio * d.x + normal_part * n.x, ratio * d.y + normal_part * n.y, ratio * d.z + normal_part * n.z)
+    )
 
 
 @compiled
-def divided(beam: Beam, border: Border, a: Amplitudes) -> Parts:
+def split_beam(beam: Beam, border: Border, a: Amplitudes) -> Parts:
     """Return both parts of a ray at a surface, in the basis of s."""
     d, n = beam.d, border.n
-    cos = -scalar(d, n)
-    s, own = in_plane_of_incidence(d, beam.e, n, beam.light)
+    cos = -dot(d, n)
+    s, light = in_plane_of_incidence(d, beam.e, n, beam.light)
     return Parts(
-        Beam(bent(d, n, cos, border.n1, border.n2), s, passed(a.on_s, a.on_p, a.on_cr, a.on_ci, own)),
-        Beam(mirrored(d, n, cos), s, passed(a.back_s, a.back_p, a.back_cr, a.back_ci, own)),
+        Beam(refracted(d, n, cos, border.n1, border.n2), s, transformed(a.on_s, a.on_p, a.on_cr, a.on_ci, light)),
+        Beam(reflected(d, n, cos), s, transformed(a.back_s, a.back_p, a.back_cr, a.back_ci, light)),
     )
 
 
 @compiled
 def smooth_parts(beam: Beam, border: Border) -> Parts:
     """Return both parts at a smooth, clean and bare surface."""
-    return divided(beam, border, bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n)))
+    return split_beam(beam, border, bare(border.n1, border.n2, -border.n1 * dot(beam.d, border.n)))

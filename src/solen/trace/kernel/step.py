@@ -1,8 +1,8 @@
 """The steps of a ray from one interface to the next, common to all loops.
 
-The loop over blocks of rays, the tree of one ray and the GPU thread store rays differently, but each takes them through
-an interface with the same three functions: `meet` advances a ray to the interface, `leave` computes the transmitted and
-reflected light, and `part` returns the ray for one of these.
+The loop over blocks of rays, the tree of one ray and the GPU thread store rays differently, but use the same three
+functions at an interface: `meet` advances a ray to it, `leave` computes the transmitted and reflected light, and `part`
+returns the ray for one of these.
 """
 
 import math
@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.nearest import Hit, Ray, normal_at, other_side
-from solen.trace.kernel.rows import TREATED, Floats, Precision, as_in
+from solen.trace.kernel.rows import TREATED, Floats, Precision, typed
 from solen.trace.kernel.surface import (
     COUNT,
     ROULETTE,
-    Divided,
     Event,
     Incidence,
+    SplitRay,
     at_surface,
-    chance_of,
-    drawn,
     end_fate,
+    random_part,
+    uniform_of,
 )
 from solen.trace.kernel.treated import FREE_PATH, PHASE, acting, at_treated
 from solen.trace.result import ABSORBED, ESCAPED, TRUNCATED
@@ -43,11 +43,11 @@ class Rules(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Ray state other than geometry: powers in s and p, the minimum power that is followed, medium and history."""
+    """State of a ray other than its geometry: powers in s and p, minimum power that is followed, medium and history."""
 
     s: float
     p: float
-    least: float
+    min_power: float
     optical: float
     """optical path length so far, mm"""
     region: int
@@ -57,7 +57,7 @@ class Load(NamedTuple):
     hits: int
 
 
-class Meeting(NamedTuple):
+class Arrival(NamedTuple):
     """A ray at the interface ahead of it."""
 
     x: float
@@ -65,15 +65,15 @@ class Meeting(NamedTuple):
     nx: float
     nz: float
     """z-component of the left normal of the curve"""
-    here: int
-    """region on the side that the ray comes from"""
-    there: int
+    medium: int
+    """region on the side from which the ray comes"""
+    beyond: int
     undefined: bool
     """whether the ray was in another region"""
     corner: bool
     """whether the ray starts in a corner and meets only the end of the other curve"""
     loss: float
-    """absorption coefficient on the way, per mm"""
+    """absorption coefficient of the medium, per mm"""
     kept: float
     """fraction of the power that remains"""
     fate: int
@@ -86,25 +86,25 @@ def event_of(rules: Rules, load: Load) -> Event:
 
 
 @compiled
-def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: Load) -> Meeting:
-    """Advance a ray to a curve, before the surface itself acts on it."""
+def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: Load) -> Arrival:
+    """Return a ray advanced to a curve, before the surface acts on it."""
     c, length = hit.curve, hit.distance
     px, pz = ray.x + length * ray.dx, ray.z + length * ray.dz
-    nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, hit.place)
+    nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, hit.u)
     from_right = ray.dx * nx + ray.dz * nz > 0.0
-    here, there = tables.left[c], tables.right[c]
+    medium, beyond = tables.left[c], tables.right[c]
     if from_right:
-        here, there = there, here
-    undefined = load.region != -1 and load.region != here
+        medium, beyond = beyond, medium
+    undefined = load.region != -1 and load.region != medium
     corner = length <= k.corner and ray.last >= 0 and (undefined or other_side(k, tables, ray, c))
-    loss = tables.absorption[load.colour, here] if rules.splitting != COUNT and not undefined else k.zero
+    loss = tables.absorption[load.colour, medium] if rules.splitting != COUNT and not undefined else k.zero
     kept = math.exp(-loss * length) if loss > 0.0 else k.one
-    worn_out = undefined or load.hits + 1 >= rules.max_hits or kept * (load.s + load.p) < load.least
+    exhausted = undefined or load.hits + 1 >= rules.max_hits or kept * (load.s + load.p) < load.min_power
     behaviour = tables.behaviour[c]
     if behaviour >= TREATED:
         behaviour = acting(tables, c, load.colour)
-    fate = TRUNCATED if undefined else end_fate(behaviour, from_right, worn_out)
-    return Meeting(px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate)
+    fate = TRUNCATED if undefined else end_fate(behaviour, from_right, exhausted)
+    return Arrival(px, pz, nx, nz, medium, beyond, undefined, corner, loss, kept, fate)
 
 
 @compiled
@@ -115,97 +115,111 @@ def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int)
 
 
 @compiled
-def carried_on(k: Precision, ray: Ray, hit: Hit) -> Ray:
-    """Move a ray in a corner past the end of the curve that it would meet; the step grows with rounding errors."""
+def past_corner(k: Precision, ray: Ray, hit: Hit) -> Ray:
+    """Return a ray in a corner moved past the end of the other curve, by a step that grows with rounding errors."""
     step = k.corner + k.rounding * (abs(ray.x) + abs(ray.z))
-    return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.place)
+    return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.u)
 
 
 @compiled
-def weakened(load: Load, kept: float, way: float) -> Load:
-    """Return a load with a fraction of its power after an optical path."""
+def attenuated(load: Load, kept: float, optical: float) -> Load:
+    """Return a load with a fraction of its power, after an optical path."""
     return Load(
-        kept * load.s, kept * load.p, load.least, load.optical + way, load.region, load.colour, load.number, load.hits
+        kept * load.s,
+        kept * load.p,
+        load.min_power,
+        load.optical + optical,
+        load.region,
+        load.colour,
+        load.number,
+        load.hits,
     )
 
 
-class Leaving(NamedTuple):
+class Departure(NamedTuple):
     """Light that leaves an interface."""
 
-    parts: Divided
-    lost: float
+    parts: SplitRay
+    absorbed: float
     """power absorbed by the surface"""
-    cut: float
+    truncated: float
     """power of the parts that are too weak to be followed"""
     both: bool
     """whether both parts are followed"""
     ends: bool
     """whether neither part is followed"""
-    goes_back: bool
+    reflected_first: bool
     """whether the part to be followed first, the weaker of two, is the reflected one"""
 
 
 @compiled
 def leave(
-    k: Precision, tables: Tables, rules: Rules, treatments: Floats | None, ray: Ray, c: int, met: Meeting, load: Load
-) -> Leaving:
+    k: Precision,
+    tables: Tables,
+    rules: Rules,
+    treatments: Floats | None,
+    ray: Ray,
+    c: int,
+    arrival: Arrival,
+    load: Load,
+) -> Departure:
     """Apply the surface of curve ``c`` to a ray, with the powers that reach the surface.
 
     ``treatments`` are those of the tables, or None if there are none; the code for treatments is then not compiled.
     """
     index = tables.refractive_index[load.colour]
-    n1, n2, lost = index[met.here], index[met.there], k.zero
-    incidence = Incidence(met.x, met.z, ray.dx, ray.dz, met.nx, met.nz, n1, n2, load.s, load.p)
+    n1, n2, absorbed = index[arrival.medium], index[arrival.beyond], k.zero
+    incidence = Incidence(arrival.x, arrival.z, ray.dx, ray.dz, arrival.nx, arrival.nz, n1, n2, load.s, load.p)
     if treatments is None or tables.behaviour[c] < TREATED:
         parts = at_surface(k, tables.behaviour[c], rules.splitting, incidence)
     else:
         parts = at_treated(k, tables, rules.splitting, c, load.colour, event_of(rules, load), incidence)
-        lost = max((load.s - parts.on_s - parts.back_s) + (load.p - parts.on_p - parts.back_p), k.zero)
+        absorbed = max((load.s - parts.on_s - parts.back_s) + (load.p - parts.on_p - parts.back_p), k.zero)
     on, back = parts.on_s + parts.on_p, parts.back_s + parts.back_p
     if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
-        parts, on, back = drawn(k, event_of(rules, load), load.s + load.p - lost, parts)
-    cut = (on if on < load.least else k.zero) + (back if back < load.least else k.zero)
-    both = on >= load.least and back >= load.least
-    ends = not (on >= load.least or back >= load.least)
-    goes_back = back <= on if both else back >= load.least
-    return Leaving(parts, lost, cut, both, ends, goes_back)
+        parts, on, back = random_part(k, event_of(rules, load), load.s + load.p - absorbed, parts)
+    truncated = (on if on < load.min_power else k.zero) + (back if back < load.min_power else k.zero)
+    both = on >= load.min_power and back >= load.min_power
+    ends = not (on >= load.min_power or back >= load.min_power)
+    reflected_first = back <= on if both else back >= load.min_power
+    return Departure(parts, absorbed, truncated, both, ends, reflected_first)
 
 
 @compiled
-def part(hit: Hit, met: Meeting, parts: Divided, load: Load, back: bool) -> tuple[Ray, Load]:
+def part(hit: Hit, arrival: Arrival, parts: SplitRay, load: Load, back: bool) -> tuple[Ray, Load]:
     """Return the reflected or the transmitted part of a ray at an interface."""
     if back:
-        ray = Ray(met.x, met.z, parts.back_x, parts.back_z, hit.curve, hit.place)
-        s, p, region = parts.back_s, parts.back_p, met.here
+        ray = Ray(arrival.x, arrival.z, parts.back_x, parts.back_z, hit.curve, hit.u)
+        s, p, region = parts.back_s, parts.back_p, arrival.medium
     else:
-        ray = Ray(met.x, met.z, parts.on_x, parts.on_z, hit.curve, hit.place)
-        s, p, region = parts.on_s, parts.on_p, met.there
-    return ray, Load(s, p, load.least, load.optical, region, load.colour, load.number, load.hits + 1)
+        ray = Ray(arrival.x, arrival.z, parts.on_x, parts.on_z, hit.curve, hit.u)
+        s, p, region = parts.on_s, parts.on_p, arrival.beyond
+    return ray, Load(s, p, load.min_power, load.optical, region, load.colour, load.number, load.hits + 1)
 
 
 @compiled
 def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
-    """Free path of a ray in a medium before scattering, in mm, drawn from the exponential distribution."""
+    """Free path in mm of a ray before it is scattered in a medium, drawn from an exponential distribution."""
     scattering = tables.scattering[load.colour, region]
     if not scattering > 0.0:
         return k.none
-    share = chance_of(event_of(rules, load), FREE_PATH)
-    path: float = as_in(k.zero, -math.log(1.0 - share)) / scattering
+    random = uniform_of(event_of(rules, load), FREE_PATH)
+    path: float = typed(k.zero, -math.log(1.0 - random)) / scattering
     return path
 
 
 @compiled
 def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
     """Tangent of half the scattering angle in the plane, from the wrapped Cauchy distribution."""
-    share = chance_of(event_of(rules, load), PHASE)
+    random = uniform_of(event_of(rules, load), PHASE)
     g = tables.anisotropy[load.colour, region]
-    half: float = (k.one - g) / (k.one + g) * as_in(k.zero, math.tan(math.pi * (share - 0.5)))
-    return half
+    half_tangent: float = (k.one - g) / (k.one + g) * typed(k.zero, math.tan(math.pi * (random - 0.5)))
+    return half_tangent
 
 
 @compiled
-def turned(k: Precision, half: float, dx: float, dz: float) -> tuple[float, float]:
+def rotated(k: Precision, half_tangent: float, dx: float, dz: float) -> tuple[float, float]:
     """Direction rotated by twice the angle that has this tangent."""
-    scale = k.one / (k.one + half * half)
-    cos, sin = (k.one - half * half) * scale, (half + half) * scale
+    scale = k.one / (k.one + half_tangent * half_tangent)
+    cos, sin = (k.one - half_tangent * half_tangent) * scale, (half_tangent + half_tangent) * scale
     return cos * dx - sin * dz, sin * dx + cos * dz

@@ -1,7 +1,7 @@
-"""The effect of an interface on a ray; further behaviours are added here.
+"""The effect of an interface on a ray.
 
 A behaviour either ends the ray (`end_fate`) or continues it: `at_surface` returns the transmitted and reflected
-directions and powers, for any loop over rays.
+directions and powers. Further behaviours are added here, for all loops over rays.
 """
 
 import math
@@ -14,7 +14,7 @@ from solen.trace.kernel.rows import ABSORBING, MIRROR, RECEIVER, Precision
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 
 COUNT, BRANCHES, ROULETTE = range(3)
-"""Treatment of partial reflection: all light is transmitted; both parts are followed; one part is drawn."""
+"""Treatment of partial reflection: all light is transmitted, both parts are followed, or one part is drawn."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
 """Treatment of partial reflection by trace mode."""
 
@@ -45,7 +45,7 @@ class Incidence(NamedTuple):
     p: float
 
 
-class Divided(NamedTuple):
+class SplitRay(NamedTuple):
     """The transmitted and the reflected part of a ray at a surface."""
 
     on_x: float
@@ -85,12 +85,12 @@ class Deflection(NamedTuple):
     on_z: float
     back_x: float
     back_z: float
-    share_s: float
-    share_p: float
+    reflectance_s: float
+    reflectance_p: float
 
 
 @compiled
-def bend(
+def deflection(
     k: Precision,
     behaviour: int,
     splitting: int,
@@ -101,47 +101,51 @@ def bend(
     n1: float,
     n2: float,
 ) -> Deflection:
-    """Compute the directions of a ray after a smooth, clean and bare surface.
+    """Return the directions of a ray after a smooth, clean and bare surface.
 
     The normal may point to either side. In counting mode the entire ray is transmitted unless it is totally reflected.
     """
     cos = -(dx * nx + dz * nz)
     cos_in, nx, nz = abs(cos), (-nx if cos < 0.0 else nx), (-nz if cos < 0.0 else nz)
     bx, bz = dx + (cos_in + cos_in) * nx, dz + (cos_in + cos_in) * nz
-    mend = k.one + k.half * (k.one - (bx * bx + bz * bz))  # otherwise its length drifts over thousands of reflections
+    correction = k.one + k.half * (
+        k.one - (bx * bx + bz * bz)
+    )  # otherwise the length drifts over thousands of reflections
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; also exact if the indices are equal
     total = (behaviour == MIRROR) | (cos2 <= 0.0)
     ratio, cos_out = n1 / n2, math.sqrt(max(cos2, k.zero)) / n2
     turn = ratio * cos_in - cos_out
     tx, tz = ratio * dx + turn * nx, ratio * dz + turn * nz
     scale = k.zero if total else k.one / math.sqrt(tx * tx + tz * tz)
-    share_s, share_p = (k.zero, k.zero) if splitting == COUNT else fresnel(cos_in, cos_out, n1, n2)
-    share_s, share_p = (k.one if total else share_s), (k.one if total else share_p)
-    return Deflection(scale * tx, scale * tz, mend * bx, mend * bz, share_s, share_p)
+    reflectance_s, reflectance_p = (k.zero, k.zero) if splitting == COUNT else fresnel(cos_in, cos_out, n1, n2)
+    reflectance_s, reflectance_p = (k.one if total else reflectance_s), (k.one if total else reflectance_p)
+    return Deflection(scale * tx, scale * tz, correction * bx, correction * bz, reflectance_s, reflectance_p)
 
 
 @compiled
-def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> Divided:
-    """Return both parts of a ray at a smooth, clean and bare surface; see `bend`."""
+def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> SplitRay:
+    """Return both parts of a ray at a smooth, clean and bare surface; see `deflection`."""
     _, _, dx, dz, nx, nz, n1, n2, s, p = ray
-    way = bend(k, behaviour, splitting, dx, dz, nx, nz, n1, n2)
-    back_s, back_p = s * way.share_s, p * way.share_p
-    return Divided(way.on_x, way.on_z, way.back_x, way.back_z, s - back_s, p - back_p, back_s, back_p)
+    deflected = deflection(k, behaviour, splitting, dx, dz, nx, nz, n1, n2)
+    back_s, back_p = s * deflected.reflectance_s, p * deflected.reflectance_p
+    return SplitRay(
+        deflected.on_x, deflected.on_z, deflected.back_x, deflected.back_z, s - back_s, p - back_p, back_s, back_p
+    )
 
 
 @compiled
-def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided, float, float]:
-    """Draw one of two parts, which receives all the power; also return the power of each part."""
+def random_part(k: Precision, event: Event, power: float, d: SplitRay) -> tuple[SplitRay, float, float]:
+    """Draw one of two parts, which then carries all the power; also return the power of each part."""
     on, back = d.on_s + d.on_p, d.back_s + d.back_p
-    if chance(event.seed, event.ray, event.hit) * power < back:
+    if uniform(event.seed, event.ray, event.hit) * power < back:
         back_s, back_p = d.back_s * power / back, d.back_p * power / back
-        return Divided(d.on_x, d.on_z, d.back_x, d.back_z, d.on_s, d.on_p, back_s, back_p), k.zero, power
+        return SplitRay(d.on_x, d.on_z, d.back_x, d.back_z, d.on_s, d.on_p, back_s, back_p), k.zero, power
     on_s, on_p = d.on_s * power / on, d.on_p * power / on
-    return Divided(d.on_x, d.on_z, d.back_x, d.back_z, on_s, on_p, d.back_s, d.back_p), power, k.zero
+    return SplitRay(d.on_x, d.on_z, d.back_x, d.back_z, on_s, on_p, d.back_s, d.back_p), power, k.zero
 
 
 @compiled
-def chance(seed: int, ray: int, hit: int) -> float:
+def uniform(seed: int, ray: int, hit: int) -> float:
     """Random number in [0, 1) for a seed, a ray and a hit; identical on every machine and thread (splitmix64)."""
     number = scrambled(np.uint64(seed))  # otherwise another seed would only permute the numbers among the rays
     for part in (ray, hit):
@@ -150,8 +154,8 @@ def chance(seed: int, ray: int, hit: int) -> float:
 
 
 @compiled
-def chance_of(event: Event, draw: int) -> float:
-    """As `chance`, if one hit needs several numbers; ``draw``, starting at 1, is the index of the number."""
+def uniform_of(event: Event, draw: int) -> float:
+    """As `uniform`, for several numbers at one hit; ``draw``, from 1 on, is the index of the number."""
     number = scrambled(np.uint64(event.seed))
     for part in (event.ray, event.hit, draw):
         number = scrambled(number ^ np.uint64(part))

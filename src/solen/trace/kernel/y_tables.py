@@ -1,7 +1,7 @@
 """The tables of a Y at an angle, computed from the design parameters alone by compiled code.
 
 `solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which together create these tables in Python, remain
-the reference; the formulas here are the same, and tests compare rays traced through both.
+the reference; the formulas here are the same, and tests compare rays traced with both.
 """
 
 import math
@@ -17,20 +17,21 @@ from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
 FLAT, WHOLE_OVAL, PIECES = range(3)
 """Kinds of lens: the flat face of the stem, an oval, pieces of a spline."""
 AT_BASE, AT_EMITTER, AT_POINT = range(3)
-"""Pivots."""
+"""Kinds of pivot."""
 AIR, BODY = range(2)
 """Regions."""
 WALLS = 13
-"""Maximum number of pieces other than spline pieces: a lens, five on either side, and two receivers behind gaps."""
+"""Maximum number of pieces other than spline pieces: a lens, five on each side, and two receivers behind gaps."""
 FIT_POINTS = 17
 MAX_TURN, MAX_GAP = 0.3, 0.25
-"""Turning angle in radians, and gap between lens and stem divided by the half width, up to which joints need no
-search.
+"""Sine of the rotation of the lens, and gap between lens and stem relative to the half width, up to which the outline
+is sound without a search for intersections.
 """
-MIN_MM = 0.01
+MIN_LENGTH = 0.01
 """Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
 NO_JOIN, TOO_WIDE = -1, -2
+"""Codes of `y_tables` for a body."""
 
 
 class Y(NamedTuple):
@@ -64,24 +65,24 @@ class Y(NamedTuple):
     gap: float
     """gap in front of the receivers; NaN for receivers on the ends of the arms"""
     receiver_height: float
-    """receiver height; infinite if it equals that of the body"""
+    """height of the receivers; infinite if it is that of the body"""
     first_piece: float
     pieces: float
 
 
-class Front(NamedTuple):
+class LensFront(NamedTuple):
     """Properties that depend only on the lens, in its own frame with the vertex at the origin."""
 
     depth: float
     corner: float
-    """intersection of the edge tangents with the vertex tangent"""
+    """distance from the axis at which the edge tangents intersect the vertex tangent"""
     p0: float
     p1: float
     p2: float
 
 
-class Turn(NamedTuple):
-    """A rotation and a translation."""
+class Motion(NamedTuple):
+    """A rotation followed by a translation."""
 
     cos: float
     sin: float
@@ -100,16 +101,16 @@ def y_row(numbers: FloatArray, d: int) -> Y:
 
 
 @compiled
-def turn_about(x: float, z: float, angle_deg: float) -> Turn:
-    """Return the rotation about a point; for 0 the exact identity."""
+def turn_about(x: float, z: float, angle_deg: float) -> Motion:
+    """Return the rotation about a point; for 0 it is exactly the identity."""
     if angle_deg == 0.0:
-        return Turn(1.0, 0.0, 0.0, 0.0)
+        return Motion(1.0, 0.0, 0.0, 0.0)
     c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
-    return Turn(c, s, x - (c * x - s * z), z - (s * x + c * z))
+    return Motion(c, s, x - (c * x - s * z), z - (s * x + c * z))
 
 
 @compiled
-def moved(t: Turn, x: float, z: float) -> tuple[float, float]:
+def moved(t: Motion, x: float, z: float) -> tuple[float, float]:
     """Return a point after a rotation and translation."""
     return t.cos * x - t.sin * z + t.x, t.sin * x + t.cos * z + t.z
 
@@ -119,19 +120,19 @@ def oval_depth(y: Y, x: float) -> tuple[float, float]:
     """Depth z of the oval at x, and the slope there; see `solen.lens.OvalLens.z_mm`."""
     n2, s, f, z = y.cut_index, y.distance, y.focus, 0.0
     for _ in range(60):
-        before, behind = math.hypot(z + s, x), math.hypot(f - z, x)
+        to_object, to_image = math.hypot(z + s, x), math.hypot(f - z, x)
         square = x * x + z * z
-        value = (square + 2.0 * s * z) / (before + s) + n2 * (square - 2.0 * f * z) / (behind + f)
-        step = value / ((z + s) / before - n2 * (f - z) / behind)
+        value = (square + 2.0 * s * z) / (to_object + s) + n2 * (square - 2.0 * f * z) / (to_image + f)
+        step = value / ((z + s) / to_object - n2 * (f - z) / to_image)
         z -= step
         if abs(step) <= 1e-15 * (1.0 + z):
             break
-    before, behind = math.hypot(z + s, x), math.hypot(f - z, x)
-    return z, -(x / before + n2 * x / behind) / ((z + s) / before - n2 * (f - z) / behind)
+    to_object, to_image = math.hypot(z + s, x), math.hypot(f - z, x)
+    return z, -(x / to_object + n2 * x / to_image) / ((z + s) / to_object - n2 * (f - z) / to_image)
 
 
 @compiled
-def fitted(y: Y, depth: float) -> tuple[float, float, float]:
+def fitted_conic(y: Y, depth: float) -> tuple[float, float, float]:
     """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles, as a start for Newton's method."""
     edge = math.atan2(y.half_width, y.distance + depth)
     a, c = y.cut_index * y.cut_index - 1.0, y.distance + y.cut_index * y.focus
@@ -148,21 +149,21 @@ def fitted(y: Y, depth: float) -> tuple[float, float, float]:
     m0 = float(FIT_POINTS)
     c00, c01, c02 = m2 * m4 - m3 * m3, m2 * m3 - m1 * m4, m1 * m3 - m2 * m2
     c11, c12, c22 = m0 * m4 - m2 * m2, m1 * m2 - m0 * m3, m0 * m2 - m1 * m1
-    whole = m0 * c00 + m1 * c01 + m2 * c02
-    p0 = (c00 * b0 + c01 * b1 + c02 * b2) / whole
-    p1 = (c01 * b0 + c11 * b1 + c12 * b2) / whole
-    p2 = (c02 * b0 + c12 * b1 + c22 * b2) / whole
+    determinant = m0 * c00 + m1 * c01 + m2 * c02
+    p0 = (c00 * b0 + c01 * b1 + c02 * b2) / determinant
+    p1 = (c01 * b0 + c11 * b1 + c12 * b2) / determinant
+    p2 = (c02 * b0 + c12 * b1 + c22 * b2) / determinant
     return p0, p1 / depth, p2 / (depth * depth)
 
 
 @compiled
-def front_of(y: Y) -> Front:
+def front_of(y: Y) -> LensFront:
     """Compute the properties that depend only on the lens."""
     if y.lens != WHOLE_OVAL:
-        return Front(y.depth if y.lens == PIECES else 0.0, 0.0, 0.0, 0.0, 0.0)
+        return LensFront(y.depth if y.lens == PIECES else 0.0, 0.0, 0.0, 0.0, 0.0)
     depth, slope = oval_depth(y, y.half_width)
-    p0, p1, p2 = fitted(y, depth)
-    return Front(depth, y.half_width - depth / slope, p0, p1, p2)
+    p0, p1, p2 = fitted_conic(y, depth)
+    return LensFront(depth, y.half_width - depth / slope, p0, p1, p2)
 
 
 @compiled
@@ -190,7 +191,7 @@ def put_segment(t: Tables, p: int, ax: float, az: float, bx: float, bz: float) -
 
 @compiled
 def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin: float, end: float) -> None:
-    """Write one side of the stem, from a height above its base up to the fork: a parabola from the corner (x, z)."""
+    """Write one side of the stem: a parabola from the corner (x, z), between two heights above the base."""
     t.kind[p] = CONIC
     row = t.shape[p]
     row[0], row[1], row[2], row[3], row[4], row[5] = x, z, 0.0, -1.0, 2.0 * side * c, 0.0
@@ -203,10 +204,10 @@ def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin
 
 
 @compiled
-def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
+def put_oval(t: Tables, p: int, y: Y, front: LensFront, motion: Motion) -> None:
     """Write the front of an oval."""
-    wx, wz = -turn.sin, turn.cos
-    vx, vz = turn.x, turn.z
+    wx, wz = -motion.sin, motion.cos
+    vx, vz = motion.x, motion.z
     row = t.shape[p]
     t.kind[p] = OVAL
     row[0], row[1] = vx - y.distance * wx, vz - y.distance * wz
@@ -219,10 +220,10 @@ def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
     s, c = y.half_width / edge, (y.distance + front.depth) / edge
     row[14], row[15] = c * wx + s * wz, c * wz - s * wx
     row[16], row[17] = c * wx - s * wz, c * wz + s * wx
-    row[18], row[19] = moved(turn, -y.half_width, front.depth)
-    row[20], row[21] = moved(turn, -front.corner, 0.0)
-    row[22], row[23] = moved(turn, front.corner, 0.0)
-    row[24], row[25] = moved(turn, y.half_width, front.depth)
+    row[18], row[19] = moved(motion, -y.half_width, front.depth)
+    row[20], row[21] = moved(motion, -front.corner, 0.0)
+    row[22], row[23] = moved(motion, front.corner, 0.0)
+    row[24], row[25] = moved(motion, y.half_width, front.depth)
     row[26], row[27], row[28], row[29], row[30] = wz, -wx, front.p0, front.p1, front.p2
     t.middle[p, 0], t.middle[p, 1] = vx, vz
     low_x, high_x = min(min(row[18], row[20]), min(row[22], row[24])), max(max(row[18], row[20]), max(row[22], row[24]))
@@ -231,12 +232,12 @@ def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
 
 
 @compiled
-def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
+def put_cubic(t: Tables, p: int, piece: Floats, motion: Motion) -> None:
     """Write a cubic piece from a table row in the lens frame."""
     row = t.shape[p]
     t.kind[p] = CUBIC
     for i in range(4):
-        row[2 * i], row[2 * i + 1] = moved(turn, piece[2 * i], piece[2 * i + 1])
+        row[2 * i], row[2 * i + 1] = moved(motion, piece[2 * i], piece[2 * i + 1])
     for i in range(8, 12):
         row[i] = piece[i]
     for axis in range(2):
@@ -253,9 +254,9 @@ def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
 
 
 @compiled
-def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float) -> None:
+def set_optics(t: Tables, p: int, owner: int, receiver: int, left: int, height: float) -> None:
     """Write the optical properties of piece ``p``."""
-    t.owner[p], t.before[p], t.treatment[p] = owner, -1, -1
+    t.owner[p], t.previous[p], t.treatment[p] = owner, -1, -1
     t.behaviour[p], t.receiver[p] = RECEIVER if receiver >= 0 else REFRACTING, receiver
     t.left[p], t.right[p] = left, AIR
     reach = 0.5 * height if receiver >= 0 else math.inf
@@ -266,21 +267,21 @@ def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float
 def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) -> tuple[float, float]:
     """Height above the base at which a side of the stem begins, and its distance from the lens edge.
 
-    See `solen.geometry.y`; negative if no such stem exists.
+    The height is negative if no such stem exists; see `solen.geometry.y`.
     """
-    apart = math.hypot(edge_x - side * y.half_width, edge_z - depth)
-    if apart <= GAP_MM:
-        return 0.0, apart
-    risen = 0.0 if y.seam == 1.0 else max(0.0, edge_z - depth)
-    if risen >= y.stem_length:
+    edge_gap = math.hypot(edge_x - side * y.half_width, edge_z - depth)
+    if edge_gap <= GAP_MM:
+        return 0.0, edge_gap
+    height = 0.0 if y.seam == 1.0 else max(0.0, edge_z - depth)
+    if height >= y.stem_length:
         return -1.0, 0.0
-    start = side * (y.half_width + y.stem_curve * risen * risen)
-    away = math.hypot(edge_x - start, edge_z - depth - risen)
-    if GAP_MM < away < MIN_LENGTH_MM:
-        risen += STEP_MM
-        start = side * (y.half_width + y.stem_curve * risen * risen)
-        away = math.hypot(edge_x - start, edge_z - depth - risen)
-    return risen, min(apart, away)
+    start = side * (y.half_width + y.stem_curve * height * height)
+    wall_gap = math.hypot(edge_x - start, edge_z - depth - height)
+    if GAP_MM < wall_gap < MIN_LENGTH_MM:
+        height += STEP_MM
+        start = side * (y.half_width + y.stem_curve * height * height)
+        wall_gap = math.hypot(edge_x - start, edge_z - depth - height)
+    return height, min(edge_gap, wall_gap)
 
 
 class Pose(NamedTuple):
@@ -292,119 +293,121 @@ class Pose(NamedTuple):
 
 
 @compiled
-def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, turn: Turn, first: int) -> int:
+def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: LensFront, motion: Motion, first: int) -> int:
     """Write the rows of a lens from row ``first`` on; return the next row."""
     p = first
     if y.lens == FLAT:
         put_segment(t, p, -y.half_width, 0.0, y.half_width, 0.0)
-        dress(t, p, 0, -1, BODY, 0.0)
+        set_optics(t, p, 0, -1, BODY, 0.0)
         p += 1
     elif y.lens == WHOLE_OVAL:
-        put_oval(t, p, y, front, turn)
-        dress(t, p, 0, -1, BODY, 0.0)
+        put_oval(t, p, y, front, motion)
+        set_optics(t, p, 0, -1, BODY, 0.0)
         p += 1
     else:
         for i in range(int(y.pieces)):
-            put_cubic(t, p, pieces[int(y.first_piece) + i], turn)
-            dress(t, p, 0, -1, BODY, 0.0)
-            its = before[int(y.first_piece) + i]
-            t.before[p] = p - 1 - first if its >= 0 else -1
+            put_cubic(t, p, pieces[int(y.first_piece) + i], motion)
+            set_optics(t, p, 0, -1, BODY, 0.0)
+            previous = before[int(y.first_piece) + i]
+            t.previous[p] = p - 1 - first if previous >= 0 else -1
             p += 1
     return p
 
 
 @compiled
 def put_receivers(
-    t: Tables, y: Y, turn: Turn, p: int, owner: int, outer_x: float, outer_z: float, inner_x: float, inner_z: float
+    t: Tables, y: Y, motion: Motion, p: int, owner: int, outer_x: float, outer_z: float, inner_x: float, inner_z: float
 ) -> int:
     """Write receivers behind a gap from the ends of the arms; return the next row."""
     nx, nz = y.gap * math.sin(y.arm_angle), y.gap * math.cos(y.arm_angle)
     for half in range(2):
         side = 1.0 if half == 0 else -1.0
-        ax, az = moved(turn, side * (outer_x + nx), outer_z + nz)
-        bx, bz = moved(turn, side * (inner_x + nx), inner_z + nz)
+        ax, az = moved(motion, side * (outer_x + nx), outer_z + nz)
+        bx, bz = moved(motion, side * (inner_x + nx), inner_z + nz)
         if half == 0:
             put_segment(t, p, ax, az, bx, bz)
         else:
             put_segment(t, p, bx, bz, ax, az)
-        dress(t, p, owner + half, half, AIR, y.receiver_height)
+        set_optics(t, p, owner + half, half, AIR, y.receiver_height)
         p += 1
     return p
 
 
 @called
 def y_tables(
-    t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, angle_deg: float, first: int
+    t: Tables, pieces: Floats, before: IntArray, y: Y, front: LensFront, angle_deg: float, first: int
 ) -> tuple[int, int, Pose]:
-    """Write the rows of a Y from row ``first`` on; return the next row, the soundness code and the emitter.
+    """Write the rows of a Y from row ``first`` on; return the next row, a code for the body, and the emitter's pose.
 
-    ``pieces`` (N, 12) are rows of cubics for all lenses in their own frames, and ``before`` (N,) is the piece that each
-    one continues. `UNSURE` marks a body whose outline might intersect itself or enclose its emitter; `solen.geometry`
-    must check it. `NO_JOIN` and `TOO_WIDE` mark bodies that `solen.geometry` rejects.
+    ``pieces`` (N, 12) are the cubics of all lenses in their own frames, and ``before`` (N,) is the piece that each one
+    continues. The code `UNSURE` means that the outline might intersect itself or enclose the emitter, which
+    `solen.geometry` must check; `NO_JOIN` and `TOO_WIDE` mean that `solen.geometry` rejects the body.
     """
     pivot_x = y.pivot_x if y.pivot == AT_POINT else 0.0
     pivot_z = front.depth if y.pivot == AT_BASE else (-y.distance if y.pivot == AT_EMITTER else y.pivot_z)
-    turn, still = turn_about(pivot_x, pivot_z, angle_deg), Turn(1.0, 0.0, 0.0, 0.0)
-    of_lens = turn if y.turns_lens == 1.0 and y.lens != FLAT else still
-    p = put_lens(t, pieces, before, y, front, of_lens, first)
+    motion, identity = turn_about(pivot_x, pivot_z, angle_deg), Motion(1.0, 0.0, 0.0, 0.0)
+    lens_motion = motion if y.turns_lens == 1.0 and y.lens != FLAT else identity
+    p = put_lens(t, pieces, before, y, front, lens_motion, first)
     sin, cos, owner = math.sin(y.arm_angle), math.cos(y.arm_angle), 1
     fork_x = y.half_width + y.stem_curve * y.stem_length * y.stem_length
     fork_z = front.depth + y.stem_length
     outer_x, outer_z = fork_x + y.arm_length * sin, fork_z + y.arm_length * cos
     inner_x, inner_z = outer_x - y.arm_width * cos, outer_z + y.arm_width * sin
     crotch = inner_z - inner_x / math.tan(y.arm_angle)
-    right_x, right_z = moved(of_lens, y.half_width, y.right_edge if y.lens == PIECES else front.depth)
-    left_x, left_z = moved(of_lens, -y.half_width, y.left_edge if y.lens == PIECES else front.depth)
+    right_x, right_z = moved(lens_motion, y.half_width, y.right_edge if y.lens == PIECES else front.depth)
+    left_x, left_z = moved(lens_motion, -y.half_width, y.left_edge if y.lens == PIECES else front.depth)
     r_from, r_gap = wall_start(y, front.depth, right_x, right_z, 1.0)
     l_from, l_gap = wall_start(y, front.depth, left_x, left_z, -1.0)
-    pose = still_pose(y)
+    pose = fixed_pose(y)
     if y.turns_emitter == 1.0:
-        x, z = moved(turn, 0.0, -y.distance)
+        x, z = moved(motion, 0.0, -y.distance)
         pose = Pose(x, z, math.radians(angle_deg))
     if r_from < 0.0 or l_from < 0.0 or r_gap > y.half_width or l_gap > y.half_width:
         return p, NO_JOIN, pose
     if not (y.arm_angle > 0.0 and inner_x > 0.0):
         return p, TOO_WIDE, pose
-    gapped = y.gap == y.gap
+    has_gap = y.gap == y.gap
     if r_gap > GAP_MM:
         put_segment(t, p, right_x, right_z, y.half_width + y.stem_curve * r_from * r_from, front.depth + r_from)
-        dress(t, p, owner, -1, BODY, 0.0)
+        set_optics(t, p, owner, -1, BODY, 0.0)
         p, owner = p + 1, owner + 1
     for half in range(2):
         side = 1.0 if half == 0 else -1.0
         for step in range(4):
-            which = step if half == 0 else 3 - step
-            if which == 0:
+            part = step if half == 0 else 3 - step
+            if part == 0:
                 begin = r_from if half == 0 else l_from
                 put_stem(t, p, side, side * y.half_width, front.depth, y.stem_curve, begin, y.stem_length)
-            elif which == 1:
+            elif part == 1:
                 put_side(t, p, side, fork_x, fork_z, outer_x, outer_z)
-            elif which == 2:
+            elif part == 2:
                 put_side(t, p, side, outer_x, outer_z, inner_x, inner_z)
             else:
                 put_side(t, p, side, inner_x, inner_z, 0.0, crotch)
-            dress(t, p, owner, half if which == 2 and not gapped else -1, BODY, y.receiver_height)
+            set_optics(t, p, owner, half if part == 2 and not has_gap else -1, BODY, y.receiver_height)
             p, owner = p + 1, owner + 1
     if l_gap > GAP_MM:
         put_segment(t, p, -(y.half_width + y.stem_curve * l_from * l_from), front.depth + l_from, left_x, left_z)
-        dress(t, p, owner, -1, BODY, 0.0)
+        set_optics(t, p, owner, -1, BODY, 0.0)
         p, owner = p + 1, owner + 1
-    if gapped:
-        of_receivers = turn if y.turns_receivers == 1.0 else still
-        p = put_receivers(t, y, of_receivers, p, owner, outer_x, outer_z, inner_x, inner_z)
-    sound = is_sound(t, first, y, front, turn, pose, crotch, max(right_z, left_z), max(r_gap, l_gap), inner_x, inner_z)
-    return p, sound, pose
+    if has_gap:
+        receiver_motion = motion if y.turns_receivers == 1.0 else identity
+        p = put_receivers(t, y, receiver_motion, p, owner, outer_x, outer_z, inner_x, inner_z)
+    code = soundness(
+        t, first, y, front, motion, pose, crotch, max(right_z, left_z), max(r_gap, l_gap), inner_x, inner_z
+    )
+    return p, code, pose
 
 
 @compiled
-def still_pose(y: Y) -> Pose:
+def fixed_pose(y: Y) -> Pose:
     """Return the pose of an emitter that does not rotate."""
     return Pose(0.0, -y.distance, 0.0)
 
 
 @compiled
 def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz: float) -> None:
-    """Write a segment of the right half, or its mirror image, which has the opposite direction."""
+    """Write a segment of the right half, or its mirror image, which is directed the other way."""
     if side > 0.0:
         put_segment(t, p, ax, az, bx, bz)
     else:
@@ -412,23 +415,27 @@ def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz
 
 
 @compiled
-def is_sound(
-    t: Tables, first: int, y: Y, front: Front, turn: Turn, pose: Pose, crotch: float, edge_z: float, gap: float,
+def soundness(
+    t: Tables, first: int, y: Y, front: LensFront, motion: Motion, pose: Pose, crotch: float, edge_z: float, gap: float,
     inner_x: float, inner_z: float,
 ) -> int:  # fmt: skip
-    """Whether an outline certainly does not intersect itself and its emitter is in front of the lens."""
+    """Return `SOUND` if the outline certainly does not intersect itself and the emitter is in front of the lens."""
     lowest = math.inf
     for p in range(first, first + (int(y.pieces) if y.lens == PIECES else 1)):
         lowest = min(lowest, t.box[p, 2])
     before_lens = pose.z < lowest
-    near = abs(turn.sin) <= MAX_TURN and gap <= MAX_GAP * y.half_width
+    small_motion = abs(motion.sin) <= MAX_TURN and gap <= MAX_GAP * y.half_width
     above = crotch > max(edge_z, front.depth) + 0.1 * y.half_width
     slant, c = inner_x / (inner_z - crotch), y.stem_curve
     flares = c >= 0.0 and y.arm_angle < 1.5
     # the inner edges pass inside the sides of the stem: half_width + c u² − slant (u − low) > 0 up to the fork
     low = crotch - front.depth
-    at = min(max(slant / (2.0 * c), max(low, 0.0)), y.stem_length) if c > 0.0 else y.stem_length
-    inside = low >= y.stem_length or y.half_width + c * at * at - slant * (at - low) > 1e-3
-    held = y.gap != y.gap or (y.turns_receivers == 0.0 and y.gap > MIN_MM)
-    sized = min(min(y.half_width, y.stem_length), min(y.arm_length, y.arm_width)) > MIN_MM
-    return SOUND if before_lens and near and above and flares and inside and held and sized else UNSURE
+    u = min(max(slant / (2.0 * c), max(low, 0.0)), y.stem_length) if c > 0.0 else y.stem_length
+    stem_outside_arms = low >= y.stem_length or y.half_width + c * u * u - slant * (u - low) > 1e-3
+    clear_receivers = y.gap != y.gap or (y.turns_receivers == 0.0 and y.gap > MIN_LENGTH)
+    large_enough = min(min(y.half_width, y.stem_length), min(y.arm_length, y.arm_width)) > MIN_LENGTH
+    return (
+        SOUND
+        if before_lens and small_motion and above and flares and stem_outside_arms and clear_receivers and large_enough
+        else UNSURE
+    )

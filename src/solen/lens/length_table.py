@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
 
 GRID = 4001
-"""Number of points at which lengths are tabulated."""
+"""Number of points at which arc lengths are tabulated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """Table of the arc length along a lens; use `Track.along` to make one."""
+class LengthTable:
+    """Table of the arc length along a lens from its left edge; `LengthTable.of` makes one."""
 
     x_mm: FloatArray
     length_mm: FloatArray
 
     @classmethod
-    def along(cls, lens: DesignedLens) -> "Track":
+    def of(cls, lens: DesignedLens) -> "LengthTable":
         """Return the table of a lens, computed with Simpson's rule."""
         x = np.linspace(-lens.half_width_mm, lens.half_width_mm, GRID)
         middle = 0.5 * (x[:-1] + x[1:])
-        before, between, behind = (np.hypot(1.0, lens.slope(at)) for at in (x[:-1], middle, x[1:]))
-        steps = np.diff(x) * (before + 4.0 * between + behind) / 6.0
+        start, mid, end = (np.hypot(1.0, lens.slope(position)) for position in (x[:-1], middle, x[1:]))
+        steps = np.diff(x) * (start + 4.0 * mid + end) / 6.0
         return cls(x, np.concatenate([[0.0], np.cumsum(steps)]))
 
     @property
@@ -39,19 +39,19 @@ class Track:
         return float(self.length_mm[-1])
 
     def length_at(self, x_mm: FloatArray) -> FloatArray:
-        """Return lengths (N,) at lateral positions."""
-        return np.asarray(self._forwards(x_mm))
+        """Return arc lengths (N,) at lateral positions."""
+        return np.asarray(self._length_spline(x_mm))
 
     def length_per_x(self, x_mm: FloatArray) -> FloatArray:
-        """Return derivatives (N,) of the lengths with respect to the lateral position."""
-        return np.asarray(self._forwards(x_mm, 1))
+        """Return derivatives (N,) of the arc length with respect to the lateral position."""
+        return np.asarray(self._length_spline(x_mm, 1))
 
     def x_at(self, length_mm: FloatArray) -> FloatArray:
-        """Return lateral positions (N,) at lengths."""
+        """Return lateral positions (N,) at arc lengths."""
         return np.interp(length_mm, self.length_mm, self.x_mm)
 
     @cached_property
-    def _forwards(self) -> "CubicSpline":
+    def _length_spline(self) -> "CubicSpline":
         from scipy.interpolate import CubicSpline
 
         return CubicSpline(self.x_mm, self.length_mm)

@@ -1,7 +1,7 @@
-"""Traces of scene files, with the names of their faces and in the units of the file.
+"""Scene files and their traces, with the face names and the units of the file.
 
-`open_scene` reads a scene in the JSON format of solen or ray-optics; `trace_scene` traces it; `face_names` and
-`branches` describe any trace with the face names of a scene.
+`open_scene` reads a scene in the JSON format of solen or ray-optics; `trace_scene` traces it, and `label_trace` adds
+names and units to the trace. `face_names` and `branches` use the face names of a scene for any trace.
 """
 
 import json
@@ -72,7 +72,7 @@ class SceneTrace(Trace, kw_only=True):
     in_space
         Whether rays were traced in space.
     readings
-        Readings of receivers, monitors and detectors, by name.
+        Readings of receivers, monitors and detectors, keyed by name.
     faces
         Names of the interfaces of each receiver, in the order of ``power_by_position``.
     not_understood
@@ -166,7 +166,7 @@ def scene_check(file: SceneFile) -> SceneCheck:
         in_space=scene.extrusion is not None,
         is_random=scene.is_random,
         not_understood=tuple(imported.not_understood) if imported else (),
-        warnings=tuple(_brighter(scene)),
+        warnings=tuple(_grating_warnings(scene)),
     )
 
 
@@ -200,12 +200,12 @@ def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, path
         If an option does not apply to the scene.
     """
     if file.imported is not None and options.mode is None:
-        return _in_turns(file.imported, options, paths)
+        return _round_robin(file.imported, options, paths)
     return trace_with(file.scene, options, paths=paths)
 
 
-def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTrace:
-    """Describe the trace of a scene file with the names and units of the file; if ``paths``, include the branches."""
+def label_trace(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTrace:
+    """Return a trace of a scene file with the names and units of the file; if ``paths``, include the branches."""
     scene, imported = file.scene, file.imported
     return SceneTrace(
         **vars(trace),
@@ -216,23 +216,24 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
         power_unit="fraction of the emitted power" if imported is None else "brightness",
         emitted=scene.emitted,
         in_space=scene.extrusion is not None,
-        readings=_received(scene, trace) | (_of_rayoptics(imported, trace) if imported else _monitored(scene, trace)),
+        readings=_of_receivers(scene, trace)
+        | (_of_detectors(imported, trace) if imported else _of_monitors(scene, trace)),
         faces=face_names(scene),
         not_understood=() if imported is None else tuple(imported.not_understood),
         branches=branches(trace, scene) if paths else None,
-        warnings=tuple(_brighter(scene)),
+        warnings=tuple(_grating_warnings(scene)),
     )
 
 
-def _brighter(scene: Scene) -> Iterator[str]:
-    """Yield a message for each grating whose orders together exceed the incident power, which ray-optics permits."""
+def _grating_warnings(scene: Scene) -> Iterator[str]:
+    """Yield a warning for each grating whose efficiencies add up to more than 1, which ray-optics permits."""
     for interface in scene.interfaces:
-        ruled = None if interface.surface is None else interface.surface.grating
-        total = math.fsum(share for _, share in ruled.orders) if ruled else 0.0
+        grating = None if interface.surface is None else interface.surface.grating
+        total = math.fsum(efficiency for _, efficiency in grating.orders) if grating else 0.0
         if total > 1.0:
             yield (
-                f"{interface.name}: its orders add up to {total:.6g} times the incident light in this file; "
-                "the added power is subtracted from the truncated power in the ledger"
+                f"{interface.name}: the efficiencies of its orders add up to {total:.6g} in this file; "
+                "the excess power is subtracted from the truncated power in the ledger"
             )
 
 
@@ -242,7 +243,7 @@ def face_names(scene: Scene) -> dict[str, tuple[str, ...]]:
 
 
 def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
-    """Return the paths of a trace that kept its legs, with the names of the faces met."""
+    """Return the paths of a trace that stored its segments, with the names of the faces met."""
     names = [interface.name for interface in scene.interfaces]
     return tuple(
         Branch(
@@ -259,26 +260,26 @@ def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
     )
 
 
-def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
-    """Trace by the rules of ray-optics, which has no other sampling methods."""
+def _round_robin(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
+    """Trace by the rules of ray-optics, which leave no choice of options."""
     for name, value in options.model_dump(exclude_defaults=True).items():
         limit = "does not apply when tracing by the rules of ray-optics"
         raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace with solen's engine")
     max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
-    turns = RoundRobin(imported.weak, imported.weakest, imported.fresh, **max_hits)
-    return trace_round_robin(imported.scene, turns, legs=paths)
+    rules = RoundRobin(imported.weak, imported.weakest, imported.fresh, **max_hits)
+    return trace_round_robin(imported.scene, rules, segments=paths)
 
 
-def _received(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
+def _of_receivers(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
     received = ((name, trace.detectors[name]) for name in scene.receivers)
     return {name: ScreenReading(reading.power, reading.u_power, reading.rays) for name, reading in received}
 
 
-def _monitored(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
-    return {monitor.name: _screen(monitor, trace.monitors[monitor.name]) for monitor in scene.monitors}
+def _of_monitors(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
+    return {monitor.name: _monitor_reading(monitor, trace.monitors[monitor.name]) for monitor in scene.monitors}
 
 
-def _screen(monitor: Monitor, crossed: Crossed) -> ScreenReading:
+def _monitor_reading(monitor: Monitor, crossed: Crossed) -> ScreenReading:
     if not monitor.bins:
         return ScreenReading(crossed.power, crossed.u_power, crossed.rays)
     step_mm = monitor.segment.length_mm / monitor.bins
@@ -286,7 +287,7 @@ def _screen(monitor: Monitor, crossed: Crossed) -> ScreenReading:
     return ScreenReading(crossed.power, crossed.u_power, crossed.rays, position, crossed.power_by_bin / step_mm)
 
 
-def _of_rayoptics(imported: rayoptics.Imported, trace: Trace) -> dict[str, ScreenReading]:
+def _of_detectors(imported: rayoptics.Imported, trace: Trace) -> dict[str, ScreenReading]:
     readings = {}
     for detector, (name, reading) in zip(imported.detectors, imported.readings(trace.monitors).items(), strict=True):
         crossed: Sequence[Crossed] = [trace.monitors[monitor.name] for monitor in detector.monitors]

@@ -1,18 +1,19 @@
-"""Speed of solen's engine compared with other tracers: same scenes, same machine, one run.
+"""Speed of the engine compared with other tracers: same scenes, same machine, one run.
 
-Run with ``python -m benchmarks.beside_others`` in the project's folder; ``--markdown`` prints a table for the
-documentation. A tracer that is not installed is listed with the command that installs it. All trace in counting mode,
-as described in `benchmarks.cases`; the detected fraction and the interactions of a ray show that they compute the same.
+Run with ``python -m benchmarks.other_tracers`` in the project folder; ``--markdown`` prints a table for the
+documentation. A tracer that is not installed is listed with the command that installs it. All tracers use counting
+mode, as described in `benchmarks.cases`; the detected fraction and the number of interactions per ray show that they
+compute the same.
 
 Each figure is the best of several runs in CPU time of the process, without compilation; pvtrace runs once, with a
-hundred rays, so its fraction has steps of 0.01. solen's curves are exact; the other tracers use a mesh within 1e-5 mm
-of them, or a box. In space, the table states the error of the detected fraction, and the time to 1e-4 on one core.
+hundred rays, so its fraction has steps of 0.01. The curves of solen are exact; the other tracers use a mesh within
+1e-5 mm of them, or a box. In space, the table also gives the error of the detected fraction, and the time to reach 1e-4
+on one core.
 """
 
 import argparse
 import os
 import platform
-import time
 from functools import partial
 from typing import Literal
 
@@ -33,13 +34,13 @@ TEXT_COLUMNS = 3
 
 
 def solen_versions() -> str:
-    """Return versions of solen and its compiler, and the number of cores."""
+    """Return the versions of solen and its compiler, and the number of cores."""
     python = f"Python {platform.python_version()} on {os.cpu_count()} cores"
     return f"solen {solen.__version__}, numba {numba.__version__}, {python}"
 
 
 def solen_rows(case: Case, rays: int) -> list[Row]:
-    """Return rows of the engine on one thread and on all, in single precision (plane) or integrated (space)."""
+    """Return rows for one thread, for all threads, and for single precision (plane) or integration (space)."""
     scene, cores = case.make(rays), os.cpu_count() or 1
     settings: list[tuple[str, int, Literal["double", "single"]]] = [
         ("solen, 1 thread", 1, "double"),
@@ -50,22 +51,21 @@ def solen_rows(case: Case, rays: int) -> list[Row]:
     rows = []
     for tool, threads, precision in settings:
         run = partial(trace, scene, threads=threads, precision=precision)
-        found = run()
+        result = run()
         geometry = "float64 exact" if precision == "double" else "float32 exact"
-        seconds, share, error = best_s(run, clock=time.process_time), found.ledger.detected, found.u_ledger.detected
-        rows.append(Row(case.name, tool, geometry, rays, seconds, found.hits, share, found.undefined, error))
+        detected, error = result.ledger.detected, result.u_ledger.detected
+        rows.append(Row(case.name, tool, geometry, rays, best_s(run), result.hits, detected, result.undefined, error))
     if scene.extrusion is not None:
         rows.append(integrated_row(case, scene))
     return rows
 
 
 def integrated_row(case: Case, scene: Scene) -> Row:
-    """Return a row for integration instead of rays; it counts no hits."""
+    """Return a row for integration."""
     run = partial(integrate, scene, "count", ERROR)
-    found = run()
-    seconds, error = best_s(run, clock=time.process_time), found.u_power
-    share = found.ledger.detected
-    return Row(case.name, "solen, integrated", "float64 exact", found.rays, seconds, found.hits, share, 0, error)
+    result = run()
+    counts = (result.rays, best_s(run), result.hits, result.ledger.detected, 0)
+    return Row(case.name, "solen, integrated", "float64 exact", *counts, result.u_power)
 
 
 TOOLS = (Tool("solen", lambda: None, solen_versions, solen_rows), with_mitsuba.TOOL, with_pvtrace.TOOL)
@@ -89,7 +89,7 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def plain(rows: list[tuple[str, ...]]) -> str:
-    """Return a table of aligned columns."""
+    """Return a table with aligned columns."""
     widths = [max(len(row[column]) for row in (HEADER, *rows)) for column in range(len(HEADER))]
     lines = []
     for row in (HEADER, *rows):
@@ -109,12 +109,12 @@ def markdown(rows: list[tuple[str, ...]]) -> str:
 
 def main() -> None:
     """Print the table, then the versions."""
-    parser = argparse.ArgumentParser(description="Time solen's engine beside other tracers.")
-    parser.add_argument("--rays", type=int, default=RAYS, help=f"rays of the fast tracers (default {RAYS})")
+    parser = argparse.ArgumentParser(description="Compare the speed of the engine with other tracers.")
+    parser.add_argument("--rays", type=int, default=RAYS, help=f"number of rays for the fast tracers (default {RAYS})")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_args()
-    why = {tool.name: tool.missing() for tool in TOOLS}
-    tools = [tool for tool in TOOLS if why[tool.name] is None]
+    reasons = {tool.name: tool.missing() for tool in TOOLS}
+    tools = [tool for tool in TOOLS if reasons[tool.name] is None]
     rows = [
         cells(row)
         for case in (paper_case(), slab_case(), space_case())
@@ -124,9 +124,9 @@ def main() -> None:
     print(markdown(rows) if options.markdown else plain(rows))
     print()
     print("; ".join(tool.versions() for tool in tools) + ".")
-    for name, reason in why.items():
+    for name, reason in reasons.items():
         if reason is not None:
-            print(f"{name} left out: {reason}")
+            print(f"{name} omitted: {reason}")
 
 
 if __name__ == "__main__":
