@@ -27,7 +27,7 @@ from solen.fabricate.process import (
 from solen.fabricate.process.face_print import FacePrint
 from solen.fabricate.process.stack import Stack
 from solen.geometry import section
-from solen.lens import LayeredLensFromFile, LayeredLens, LensInSpace, read_layers
+from solen.lens import LayeredLens, LayeredLensFromFile, LensInSpace, read_layers
 from solen.pipeline.print.predict import predict
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import LensResponse, lens_responses

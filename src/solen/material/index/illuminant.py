@@ -19,7 +19,6 @@ from solen.errors import DataError
 from solen.material.dispersion import Dispersion
 from solen.material.index.spectrum import IndexSpectrum
 from solen.parts import EmitterPart, library, library_part, load_part
-from solen.parts.light import FWHM_PER_SIGMA
 from solen.recording import read, spectra
 from solen.recording.optical import listed
 
@@ -115,7 +114,7 @@ def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
     if not fwhm_nm:
         return lines([peak_nm], [1.0], source)
     sigmas = np.linspace(-_MAX_SIGMAS, _MAX_SIGMAS, _LINES)
-    return lines(peak_nm + sigmas * fwhm_nm / FWHM_OF_SIGMA, np.exp(-(sigmas**2) / 2.0), source)
+    return lines(peak_nm + sigmas * fwhm_nm / FWHM_PER_SIGMA, np.exp(-(sigmas**2) / 2.0), source)
 
 
 def named_light(name: str) -> Illuminant:
