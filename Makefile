@@ -31,8 +31,8 @@ test: $(VENV)/.dev-ready
 
 # Tests side by side in a fresh clone would each compile the tracer's kernels; these few do it beforehand, once.
 KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py \
-  tests/explore/test_sweep.py::test_a_point_of_the_batch_does_not_depend_on_its_neighbours \
-  tests/sensor/test_batched.py::test_powers_in_space_are_those_of_integration
+  tests/explore/test_sweep.py::test_batch_point_does_not_depend_on_other_points \
+  tests/sensor/test_batched.py::test_powers_in_space_agree_with_integration
 kernels: $(VENV)/.dev-ready
 	@$(BIN)/python -m pytest -q --no-header -p no:cacheprovider $(KERNELS) > /dev/null
 

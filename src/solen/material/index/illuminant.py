@@ -19,6 +19,7 @@ from solen.errors import DataError
 from solen.material.dispersion import Dispersion
 from solen.material.index.spectrum import IndexSpectrum
 from solen.parts import EmitterPart, library, library_part, load_part
+from solen.parts.light import FWHM_PER_SIGMA
 from solen.recording import read, spectra
 from solen.recording.optical import listed
 
