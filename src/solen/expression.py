@@ -73,7 +73,7 @@ def parsed(text: str, grammar: Grammar) -> ast.expr:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise grammar.refusal("must be an expression", "") from None
+        raise grammar.refusal("is not a valid expression", "") from None
     if grammar.is_condition and not _is_condition(tree):
         raise grammar.refusal("must be a condition", "compare two sides with <, <=, > or >=")
     if not grammar.is_condition and any(isinstance(node, ast.Compare | ast.BoolOp) for node in ast.walk(tree)):

@@ -350,9 +350,7 @@ def test_counts_clipped_readings_of_a_journal_as_in_its_recording(bench_calibrat
         without_tracing(patch)
         patch.setattr(Journal, "end", end_and_copy)
         recorded = record(tmp_path / "plan.toml", tmp_path / "rig.toml", tmp_path, RecordOptions())
-    assert any(
-        "fork.a: readings clipped at a limit of the converter's range: end " in line for line in recorded.warnings
-    )
+    assert any("fork.a: readings are clipped at a limit of the range: end " in line for line in recorded.warnings)
     of_recording, of_journal = (
         decode(bench_calibration, str(tmp_path / name)).result for name in ("plan.nc", "kept-plan.journal")
     )

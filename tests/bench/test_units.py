@@ -78,12 +78,12 @@ def test_calibration_and_decoding_have_unit_of_board(bench: Path) -> None:
     assert isinstance(decoded, Decoding)
     assert decoded.against_angle is not None
     assert decoded.against_angle.within_95 > 0.9
-    with pytest.raises(DataError, match=r"'V'; is the unit of the readings.* is pF"):
+    with pytest.raises(DataError, match=r"readings in V, but the calibration .* is in pF"):
         decode(calibration, str(in_volts))
     live = decode(calibration, "-", text=["time_s,left (pF),right (pF)\n", *lines_of(again)]).result
     assert isinstance(live, Decoding)
     assert live.lowest_deg == pytest.approx(decoded.lowest_deg, abs=0.02)
-    with pytest.raises(DataError, match=r"of the readings.* is pF"):
+    with pytest.raises(DataError, match=r"readings in V, but the calibration .* is in pF"):
         decode(calibration, "-", text=["time_s,left (mV),right (mV)\n", "0,1,2\n"])
     sources = table(calibration, bench / "code").files
     assert "in pF, ambient light subtracted" in sources["solen_decode.h"].read_text(encoding="utf-8")

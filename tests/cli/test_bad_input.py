@@ -126,7 +126,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "negative rays": ({"emitter.rays": "-3"}, "emitter.rays = -3"),
     "no cone": ({"emitter.cone_deg": "0"}, "emitter.cone_deg"),
     "negative distance": ({"emitter.distance_mm": "-1.0"}, "emitter.distance_mm"),
-    "focus inside the lens": ({"lens.focus_mm": "1.9"}, "is inside the lens"),
+    "focus inside the lens": ({"lens.focus_mm": "1.9"}, "lens.focus_mm = 1.9; must be behind the lens"),
     "beyond tangency": ({"lens.half_width_mm": "2.95"}, "must be below 2.932 mm"),
     "bad shape": ({"lens.shape": '"sphere"'}, "'layered', 'measured' or 'none'"),
     "from above to": ({"motion.from_deg": "4"}, "must be less than motion.to_deg"),
@@ -235,11 +235,11 @@ SAMPLINGS = [
     (["--seed", "1", "--mode", "power"], "mode power with a fan uses"),
     *((["--sampling", "sobol", "--seed", seed], "--seed") for seed in
       ("-1", "1.5", "x", "", "²", "9223372036854775808", "9" * 40)),
-    (["--tolerance", "1e-6"], "--tolerance = 1e-06; needs sampling adaptive"),
-    (["--sampling", "sobol", "--tolerance", "1e-6"], "needs sampling adaptive"),
+    (["--tolerance", "1e-6"], "--tolerance = 1e-06; requires sampling adaptive"),
+    (["--sampling", "sobol", "--tolerance", "1e-6"], "requires sampling adaptive"),
     *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
     ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
-    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration requires mode count or power"),
+    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; must be count or power for adaptive integration"),
     *(([*ADAPTIVE, *options_given], "adaptive") for options_given in
       (["--seed", "1"], ["--precision", "single"], ["--histogram", "4"], ["--rays", "50"], ["--paths", "--json"])),
     (["--precision", "half"], "half"),

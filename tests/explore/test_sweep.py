@@ -192,7 +192,7 @@ def test_name_of_point_depends_on_extensions(tmp_path: Path, monkeypatch: pytest
     entry_point = EntryPoint("lab-bar", "lab_bar:BAR", BODY_KINDS)
     monkeypatch.syspath_prepend(tmp_path)
     offered = {BODY_KINDS: {"lab-bar": entry_point}}
-    monkeypatch.setattr("solen.explore.store.offered", lambda group: offered.get(group, {}))
+    monkeypatch.setattr("solen.explore.store.plugin_entries", lambda group: offered.get(group, {}))
     names = set()
     for width in (3, 4):
         (tmp_path / "lab_bar.py").write_text(f"BAR = {width}", encoding="utf-8")

@@ -238,7 +238,7 @@ def test_refuses_invalid_files(tmp_path: Path) -> None:
         study([])
     with pytest.raises(SpecError, match="is named twice"):
         study([path, path])
-    with pytest.raises(DataError, match="is not named as"):
+    with pytest.raises(DataError, match="does not match the pattern"):
         study([path], AnalysisOptions(pattern="{sensor}_{run}.csv"))
     with pytest.raises(DataError, match="more than 20,000 points"):
         study([path], AnalysisOptions(step_deg=1e-9))

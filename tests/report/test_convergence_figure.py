@@ -71,7 +71,7 @@ def test_omits_and_counts_uncertainties_of_0(power: Convergence) -> None:
 def test_reference_for_trapped_light_is_adaptive_integral(monkeypatch: pytest.MonkeyPatch) -> None:
     module = import_module("solen.trace.convergence")
     monkeypatch.setattr(module, "TOLERANCES", (1e-2, 1e-3))
-    monkeypatch.setattr(module, "TIGHT", 1e-4)
+    monkeypatch.setattr(module, "REFERENCE_TOLERANCE", 1e-4)
     gap = result(receivers__coupling="air-gap", receivers__gap_mm=0.5)
     assert gap.reference.method == "adaptive"
     figure = convergence_figure(gap)

@@ -97,7 +97,7 @@ def test_efficiencies_above_1_are_traced_only_by_round_robin() -> None:
     imported = loaded(lamp(0.0, True), flat(customBrightness=True))
     observed = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
     assert (observed.ledger.escaped, observed.ledger.truncated) == pytest.approx((2.0, -1.0))
-    with pytest.raises(DesignError, match="sum of 2"):
+    with pytest.raises(DesignError, match="add up to 2"):
         trace(imported.scene, "power")
 
 

@@ -179,7 +179,7 @@ def test_refuses_an_emitter_that_misses_its_lens_or_the_body(hand: Design, folde
         ({"emitters": [{"name": "Low"}, {"name": "middle"}]}, "emitters[1].name middle emitter-high"),
         ({"emitters": [{"name": "Low"}]}, "emitter-high emitters"),
         ({"emitters": [{"name": "Low", "distance_mm": 2.0}, {"name": "high"}]}, "emitters[0].distance_mm body.file"),
-        ({"lenses": [{"name": "end"}]}, "lenses[0].name end illuminates"),
+        ({"lenses": [{"name": "end"}]}, "lenses[0].name end illuminated"),
         ({"receivers": [{"name": "Side", "node": "tip"}], "nodes": [{"name": "tip"}]}, "network.nodes body.file"),
         ({"motion": [TURN | {"part": "Side"}]}, "motion[0].part Side"),
     ],

@@ -297,7 +297,7 @@ def test_study_and_slopes_include_readings() -> None:
         ("a.end.real", "a.end.real"),
         ("a.end > 0.1", "condition"),
         ("1 + 2.5", "must contain a power"),
-        ("a.end -", "not an expression"),
+        ("a.end -", "not a valid expression"),
         ("p_0 + a.end", "p_0"),
         ("a.end-2", "space"),
     ],

@@ -49,7 +49,7 @@ def test_lens_is_designed_for_the_design_index() -> None:
 
 
 def test_refuses_impossible_sensors() -> None:
-    with pytest.raises(DesignError, match="tangency"):
+    with pytest.raises(DesignError, match="tangent to the oval"):
         Sensor.of(design(lens__half_width_mm=2.95))
     with pytest.raises(DataError, match="did you mean pmma"):
         Sensor.of(design(material__resin="pmna"))

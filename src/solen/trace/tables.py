@@ -181,7 +181,7 @@ def _orders(surface: Surface) -> list[Row]:
         return []
     total = math.fsum(efficiency for _, efficiency in surface.grating.orders)
     if total > 1.0 + EFFICIENCY_ROUNDING:
-        limit = f"the efficiencies of its orders add up to {total:.6g}, but the sum must be at most 1"
+        limit = f"their efficiencies add up to {total:.6g}, but the sum must be at most 1"
         raise DesignError("grating orders", limit=limit, remedy="reduce the efficiencies")
     return [(float(order), efficiency) for order, efficiency in surface.grating.orders]
 

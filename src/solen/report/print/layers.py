@@ -1,7 +1,5 @@
 """The figure of layers: some images, a close-up of pixels, the plate, and the extent of layers against height."""
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
@@ -29,15 +27,14 @@ def layers_figure(layered: LayeredPrint) -> Figure:
     job, (rows, columns) = layered.job, layered.job.tile
     indices = sorted({round(fraction * (job.count - 1)) for fraction in DRAWN})
     wide = columns > rows
-    figure = Figure(figsize=(8.4, 5.6) if wide else (9.6, 7.0))
-    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.55, 1.0))[:, 0]
+    figure = Figure(figsize=(8.4, 5.6 if wide else 7.0))
     across = COLUMNS if wide else len(indices)
-    panels = upper.subplots(math.ceil(len(indices) / across), across, squeeze=False)
-    for axes, layer in zip(panels.flat, indices, strict=False):
-        _draw_layer(axes, job, layer)
-    for axes in panels.flat[len(indices) :]:
-        axes.set_axis_off()
-    edge, plate, side = lower.subplots(1, 3)
+    down = -(-len(indices) // across)
+    grid = figure.add_gridspec(down + 1, 3 * across, height_ratios=(*(1.55 / down for _ in range(down)), 1.0))
+    for number, layer in enumerate(indices):
+        row, column = divmod(number, across)
+        _draw_layer(figure.add_subplot(grid[row, 3 * column : 3 * column + 3]), job, layer)
+    edge, plate, side = (figure.add_subplot(grid[down, i * across : (i + 1) * across]) for i in range(3))
     _draw_edge(edge, job, indices[len(indices) // 2])
     _draw_plate(plate, job)
     _draw_side(side, job)
