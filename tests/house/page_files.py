@@ -236,6 +236,7 @@ FILES_OF_PAGES: dict[str, dict[str, Maker]] = {
     "docs/archive.md": {"recordings/rotation.csv": lambda: sample("rotation-simulated.csv")},
     "docs/loads.md": {"sensor.toml": _loaded},
     "docs/networks.md": {"sensor.toml": lambda: template("hand-860")},
+    "docs/readout.md": {"my-sensor/sensor.toml": lambda: template("solen-860")},
 }
 """Makers of files that differ on some pages."""
 
