@@ -23,6 +23,7 @@ import solen.cli
 from solen.analysis.diagnosis import Response
 from solen.cli.app import SHOWN, show_outcome
 from solen.cli.design.schema import commands, result_schema, result_type
+from solen.report import canvas
 from solen.report.options import FigureOptions
 from solen.report.plot import FIGURES
 from solen.results import Outcome, Result
@@ -54,29 +55,37 @@ SHORTENED = {"run", "bench check", "bench watch", "bench run", "bench recordings
 
 @dataclass
 class Output:
-    """The output of a command with ``--json``, its outcome, and the lines that it prints without ``--json``."""
+    """The output of a command with ``--json``, its outcome, the lines without ``--json``, and its figures."""
 
     printed: Any
     outcome: Outcome[Result]
     lines: list[str]
+    figures: list[Figure]
 
 
 def output_of(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Output:
     outcomes: list[Outcome[Result]] = []
-    show = show_outcome
+    figures: list[Figure] = []
+    show, encoded = show_outcome, canvas.encoded
 
     def keep(outcome: Outcome[Result]) -> None:
         outcomes.append(outcome)
         show(outcome)
 
+    def keep_figure(figure: Figure, *options: Any) -> bytes:
+        figures.append(figure)
+        return encoded(figure, *options)
+
     printed = io.StringIO()
     with monkeypatch.context() as patch, redirect_stdout(printed):
         patch.setattr("solen.cli.show_outcome", keep)
+        patch.setattr(canvas, "encoded", keep_figure)
         assert solen.cli.run_command([*arguments, "--json"]) == 0, arguments
         patch.setattr(SHOWN, "as_json", False)
         with redirect_stdout(io.StringIO()) as text:
             show(outcomes[0])
-    return Output(json.loads(printed.getvalue()), outcomes[0], text.getvalue().replace(os.sep, "/").splitlines())
+    lines = text.getvalue().replace(os.sep, "/").splitlines()
+    return Output(json.loads(printed.getvalue()), outcomes[0], lines, figures)
 
 
 @pytest.fixture(scope="module")
@@ -131,9 +140,12 @@ WITH_FIGURE = [row for row, arguments in ROWS.items() if "--figure" in arguments
 @pytest.mark.parametrize("row", WITH_FIGURE)
 def test_figure_is_legible(outputs: dict[str, Output], row: str, width_mm: float | None) -> None:
     """No text is clipped, below 6 pt or overlapping, and no legend covers data; also in a column of a journal."""
-    figure = solen.plot(outputs[row].outcome.result, FigureOptions(width_mm=width_mm))
-    assert width_mm is None or figure.get_figwidth() == pytest.approx(width_mm / 25.4)
-    assert faults(figure) == []
+    figures = outputs[row].figures
+    if width_mm is not None:
+        figures = [solen.plot(outputs[row].outcome.result, FigureOptions(width_mm=width_mm))]
+        assert figures[0].get_figwidth() == pytest.approx(width_mm / 25.4)
+    assert [faults(figure) for figure in figures] == [[]] * len(figures)
+    assert figures
 
 
 def test_parts_of_results_can_be_drawn(outputs: dict[str, Output]) -> None:
