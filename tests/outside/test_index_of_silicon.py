@@ -38,7 +38,7 @@ def test_reports_drift_of_lossless_index_over_repeats(raw: Path) -> None:
     together = index(raw, IndexOptions(transmittance=REPEATS))
     assert together["mode"] == "lossless"
     assert together["repeats_lossless_n"] == pytest.approx(indices)
-    (warning,) = [warning for warning in together["warnings"] if "lossless n(1775 nm) of the 5 repeats" in warning]
+    (warning,) = [text for text in together["warnings"] if "n(1775 nm) of the 5 repeat measurements" in text]
     assert "3.472 … 3.463" in warning
     assert any("5 repeats of T drift in one direction" in warning for warning in together["warnings"])
     # the uncertainty is that of one repeat: it covers the drift, and does not decrease with the number of repeats

@@ -251,7 +251,7 @@ def _exposure_in_name(recording: Recording, name: str) -> float:
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
-    """Return the samples with one exposure: each trace of T, paired with a trace of R if there are equally many."""
+    """Return a sample for each trace of T of one exposure, with a trace of R if there are as many of R as of T."""
     has_pairs = len(reflectances) == len(transmittances)
     samples = []
     for number, transmittance in enumerate(transmittances):

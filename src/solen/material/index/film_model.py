@@ -320,9 +320,9 @@ class FilmModel:
         return {kind: reading.value - spectra[kind] for kind, reading in self.blocks.items()}
 
     def has_misfit(self, p: FloatArray, max_factor: float = 1.0) -> bool:
-        """Whether the residuals exceed the scatter of the repeats or, without repeats, are correlated.
+        """Whether the residuals exceed the scatter of the repeat measurements or, if there are none, are correlated.
 
-        ``max_factor`` is the largest `variance_factor` that is attributed to noise if there are no repeats.
+        ``max_factor`` is the largest `variance_factor` that is attributed to noise if there are no repeat measurements.
         """
         scatter = {kind: float(np.mean(reading.u_random**2)) for kind, reading in self.blocks.items()}
         if any(scatter.values()):
@@ -347,7 +347,7 @@ class FilmModel:
         return -0.5 * float(sum(block.size * np.log(np.mean(block**2)) for block in residuals))
 
     def set_scatter(self, p: FloatArray) -> None:
-        """Set the scatter of the readings to that of the residuals, or to that of the repeats if it is larger."""
+        """Set the scatter of the readings to that of the residuals, or of the repeat measurements if that is larger."""
         for kind, residuals in self.block_residuals(p).items():
             df = max(residuals.size - self.size / len(self.blocks), residuals.size / 4.0)
             sd = max(float(np.sqrt(np.sum(residuals**2) / df)), 1e-9)

@@ -54,7 +54,7 @@ class LeastSquaresFit:
 
     @property
     def df(self) -> int:
-        """Number of points minus number of parameters."""
+        """Degrees of freedom: number of points minus number of parameters."""
         return int(self.residuals.size - self.inner.size)
 
 

@@ -1,4 +1,4 @@
-"""Spectra with their uncertainty: repeats, specified accuracy, and errors common to all wavelengths.
+"""Spectra with their uncertainty: repeat measurements, specified accuracy, and errors common to all wavelengths.
 
 Two kinds of error have different effects and are treated separately. Scatter from wavelength to wavelength averages out
 over the spectrum of an LED or in a fit; a shift of the entire spectrum, due to a drifting lamp or a photometer that

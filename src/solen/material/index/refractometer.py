@@ -219,7 +219,7 @@ class RefractometerIndex(Measured, kw_only=True):
 
 
 def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> RefractometerIndex:
-    """Return the index against wavelength from measured values, with warnings if they disagree with the literature.
+    """Return the index against wavelength from measured values, with warnings if the result contradicts the literature.
 
     Raises
     ------

@@ -370,7 +370,7 @@ def _k_bounds(
 
 
 def _is_indistinct(inverse: SubstrateInversion, n: Combined) -> BoolArray:
-    """Return where the extremum of R or T between the two indices is within three uncertainties of n."""
+    """Whether the extremum of R or T between the two possible indices is within three uncertainties of n."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(inverse.n - inverse.other_n) < 2.0 * n.bound(THREE_SIGMAS))
 

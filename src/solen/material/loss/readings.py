@@ -195,9 +195,7 @@ def _labels(recording: Recording, complete: BoolArray, names: Sequence[str]) -> 
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [
-        note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; the loss per cm does not depend on either")
-    ]
+    return [note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; this does not affect the loss per cm")]
 
 
 def _refuse_rising_voltage(loss: GuideLoss, rows: Readings, dark: float | None) -> None:

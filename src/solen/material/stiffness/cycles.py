@@ -175,7 +175,7 @@ def _cycle(
     unloading: tuple[int, int] | None,
     first: Sequence[Cycle],
 ) -> Cycle:
-    """Return a cycle from magnitudes of strain and stress; ``first`` is empty for the first cycle, else contains it."""
+    """Return a cycle from magnitudes of strain and stress; ``first`` is empty, or contains the first cycle."""
     start, peak = loading
     up = slice(start, peak + 1)
     peak_stress = float(stress[up].max())

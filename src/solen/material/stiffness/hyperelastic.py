@@ -313,7 +313,7 @@ def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
-    """Return the parameters of the same sum with its terms in descending order of power, so that it is unique."""
+    """Return the parameters with Ogden's terms in descending order of power, which makes the order unique."""
     moduli, powers = fitted.split(parameters)
     order = np.argsort(-powers)
     return np.concatenate([moduli[order], powers[order]])

@@ -171,7 +171,7 @@ def extremes(test: StressStrain) -> Extremes:
 
 
 def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[FloatArray, FloatArray]:
-    """Return strain and stress of the points of the loading branch in a range; for both directions, of either sign."""
+    """Return strain and stress of the loading in a range; on both sides of zero for a test in both directions."""
     rows = loading_branch(test, cycle)
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     magnitude = np.abs(strain) if test.loading == "both" else strain

@@ -159,7 +159,7 @@ def as_test(
 
 
 def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return both without missing rows at the end; raise `DataError` for gaps, too few points or no deformation."""
+    """Return both arrays without missing rows at the end; raise `DataError` for gaps, few points or no deformation."""
     if strain.shape != stress.shape or strain.ndim != 1:
         limit = f"must have as many strains as stresses, but their shapes are {strain.shape} and {stress.shape}"
         raise DataError(name, limit=limit)
