@@ -62,8 +62,8 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
         )
     if abs(part.exponent - 1.0) > MAX_EXPONENT_DEVIATION:
         yield (
-            f"the response of {part.name} is directional, cos^{part.exponent:.3g}: its reading depends on its "
-            "alignment; its axis is assumed to be perpendicular to the face"
+            f"the response of {part.name} is directional, cos^{part.exponent:.3g}: the reading depends on the "
+            "alignment of the receiver, whose axis is assumed to be perpendicular to the face"
         )
 
 

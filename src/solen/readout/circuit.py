@@ -1,4 +1,4 @@
-"""The complete circuit of a design: emitter, a phototransistor and load for each receiver, and ADC.
+"""The complete circuit of a design: the emitter, a phototransistor and a load for each receiver, and the ADC.
 
 Parts have typical values and tolerances. A `Circuit` is one set of parts; `cases_of` returns the set with typical parts
 and the sets with the weakest and the strongest emitter and receivers, and `Circuit.drawn` a random set.

@@ -179,7 +179,7 @@ def _traces(grid: Grid, headings: list[tuple[str, str]], body: list[int]) -> lis
 
 
 def _numbers(grid: Grid, trace: _Trace, offset: int, mark: str) -> FloatArray:
-    """Return the wavelengths of a trace, or, with ``odd`` 1, its values."""
+    """Return the wavelengths of a trace if ``offset`` is 0, or its values if ``offset`` is 1."""
     column = trace.column + offset
     return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
 

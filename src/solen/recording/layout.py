@@ -203,7 +203,7 @@ def _missing_header(grid: Grid, filled: list[int]) -> DataError:
         remedy = "write plain numbers there, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(headings):
             limit = f"has {numbers} numbers, but the header in {above} has {len(headings)} names"
-            remedy = "name each column in the header, or all with --columns (columns= of read)"
+            remedy = "name each column in the header, or all columns with --columns (columns= of read)"
         return grid.error(filled[1], None, limit, remedy)
     limit = "is neither a table header nor a table row"
     return grid.error(filled[0], None, limit, f"{_HEADER} above the numbers")
@@ -212,7 +212,8 @@ def _missing_header(grid: Grid, filled: list[int]) -> DataError:
 def _with_names(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
     """Return the layout of a table without a header for all columns, which the caller names."""
     if header is not None:
-        raise grid.error(header, None, "is a header, so the columns would be named twice", "omit their names")
+        limit = "is a header, so the columns would be named twice"
+        raise grid.error(header, None, limit, "omit --columns (columns= of read)")
     first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)
     if filled and _numbers(grid, filled[0]):
         first = 0

@@ -79,7 +79,7 @@ def spectrum_recording(
     ----------
     kind
         Name of the format.
-    metadata, stated
+    metadata, entries
         Header entries as written in the file, and under the labels ``XUNITS`` (default: nm), ``instrument`` and those
         in `CHECKED_LABELS`, which are compared with the first trace.
     x, traces

@@ -35,7 +35,7 @@ _ASSUMED_NM = (150.0, 50_000.0)
 SIMULATED = re.compile(
     r"((this|the) (table|file|data|recording)s? (is|are|was|were) )?(simulat(ed|ion)|synthetic)\b", re.IGNORECASE
 )
-"""Beginning of a comment that the numbers were computed."""
+"""Pattern of the beginning of a comment which says that the numbers were computed."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def check_rows(grid: Grid, layout: Layout) -> None:
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
             limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: the line is incomplete"
-            raise grid.error(row, None, limit, "restore it, with a separator for each empty cell")
+            raise grid.error(row, None, limit, "restore the line, with a separator for each empty cell")
 
 
 def _begins_another(grid: Grid, layout: Layout, row: int) -> bool:
@@ -140,7 +140,7 @@ def _check_range(grid: Grid, layout: Layout, column: Column) -> None:
 
 
 def _kind(cells: list[str], name: str) -> str:
-    """Return ``number``, ``word``, or ``number and word`` for numbers that label the rows."""
+    """Return the kind of a column: ``number``, ``word``, or, if numbers label the rows, ``number and word``."""
     if all_numbers(cells):
         return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
@@ -284,7 +284,7 @@ def _in_nm(channel: Channel) -> Channel:
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Return spectra without a unit with that of a baseline in the same table, as in manually edited tables."""
+    """Return the channels; spectra without a unit get that of a baseline in the table, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [
         channel for channel in channels if channel.unit == "%" and channel.name.casefold().startswith("baseline")
