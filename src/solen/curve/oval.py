@@ -130,7 +130,7 @@ class CartesianOval(Curve):
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:
-        """Return the left-hand side of the oval's equation minus its right-hand side: 0 on it, negative inside.
+        """Return the left-hand side of the oval's equation minus its right-hand side: 0 on the oval, negative inside.
 
         |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a
         distant focus.

@@ -119,7 +119,7 @@ class Edge:
 def normals_of(contour_px: FloatArray, *, closed: bool, span: int = 5) -> FloatArray:
     """Return the unit normals (N, 2) of a contour, to its left as seen in the image.
 
-    The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
+    The tangent (dx, dy) runs from ``span`` points before to ``span`` points after, and is rotated to (dy, −dx).
     """
     if closed:
         ahead, behind = np.roll(contour_px, -span, axis=0), np.roll(contour_px, span, axis=0)

@@ -7,7 +7,7 @@ factor (fully for a circle), but the walls behind the front separate the two. Fr
 jointly, all five parameters at once, with the form error of the print, of unknown magnitude, as residual.
 
 Form errors of neighbouring points are correlated, so N points are equivalent to m independent values: with a form error
-of standard deviation σ, the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
+of standard deviation σ, the log-likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
 parameters near the best fit, so the integral over these is exact, and the integral over σ is computed on a grid with a
 prior about the usual form error. The result is the marginal likelihood of the design (A. Gelman and others, Bayesian
 Data Analysis, chapters 7 and 14). The same prior gives the probability that a print of this design deviates by as much:

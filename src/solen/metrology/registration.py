@@ -113,7 +113,7 @@ def register(
         The design.
     u_scale
         Relative standard uncertainty of the scale.
-    only
+    on_front
         Shape (N,): whether a point belongs to the front; by default, all points near it do.
 
     Raises
