@@ -212,7 +212,7 @@ def test_one_of_several_traces_must_be_selected(tmp_path: Path) -> None:
     ("selected", "line"),
     [
         ({"transmittance": ["three"]}, "trace three; is not in layer.csv"),
-        ({"reflectance": ["one"]}, "--reflectance one; is a T trace; name it with --transmittance"),
+        ({"reflectance": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
         ({"transmittance": ["one", "one"]}, "--transmittance; names a trace twice"),
         ({"reflectance": ["R"]}, "transmittance; is missing; an index requires T"),
     ],

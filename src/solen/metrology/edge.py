@@ -42,9 +42,9 @@ MAX_U_PX = 1.0
 MIN_SNR = 4.0
 """Minimum ratio of a step's rise to the noise of a line."""
 MIN_RISE = 0.25
-"""Ratio to the median rise along the contour below which a step belongs to another edge or to none."""
+"""Smallest rise of a step, relative to the median along the contour; a smaller step is not part of the edge."""
 MAX_BLUR_RATIO = 2.5
-"""Ratio to the median blur, or its inverse, above which a fit is rejected."""
+"""Ratio of a fit's blur to the median blur, or inverse of this ratio, above which the fit is rejected."""
 MAX_RESIDUAL_RATIO = 2.2
 """Ratio of a line's residuals to their median above which another object is assumed to lie on the edge."""
 NEGLIGIBLE_RESIDUAL = 0.02

@@ -429,7 +429,7 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
             warning(
                 f"apart from overgrowth, the outline is {100.0 * abs(change):.2f} % "
                 f"{'larger' if change > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
-                "or grown, or it was tilted; this image does not show which"
+                "or grown, or it was tilted; this image does not show the cause"
             )
         )
     if abs(size.overgrowth_um) > SIGNIFICANT_SIGMAS * size.u_overgrowth_um:

@@ -38,7 +38,7 @@ MAX_SPACING_ERROR = 0.015
 image is removed.
 """
 MAX_OFFSET = 0.15
-"""Largest displacement of a line from its place in the sequence, as a fraction of the period."""
+"""Largest displacement of a line from its position in the sequence, as a fraction of the period."""
 MIN_PROMINENCE = 0.4
 """Minimum contrast of a line, as a fraction of that of the strongest lines."""
 MIN_PERIOD_PX = 4.0
@@ -55,7 +55,7 @@ class MicrometerOptions(Options):
     spacing_mm: Finite = Field(gt=0.0, le=100.0)
     """Distance between the centres of neighbouring lines."""
     u_spacing_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of this distance, from the micrometer's certificate."""
+    """Standard uncertainty of the distance between lines, from the micrometer's certificate."""
     objective: str = ""
     """Name of the objective and camera, such as 10x, for the file."""
 
@@ -333,8 +333,8 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     if options.u_spacing_mm is None:
         warnings.append(
             warning(
-                "the uncertainty of the micrometer's spacing is not specified (--u-spacing-mm), so that of the "
-                "scale does not include it"
+                "the uncertainty of the micrometer's spacing is not specified (--u-spacing-mm) and is not included in "
+                "the uncertainty of the scale"
             )
         )
     if stretch_percent is not None:

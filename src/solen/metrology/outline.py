@@ -43,7 +43,7 @@ EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
 """Distance on each side of the design within which an edge is searched for, as a fraction of the lens width."""
 REACH_PX = 14.0
-"""Minimum of this distance in pixels: image noise is estimated near the edge, not on it."""
+"""Minimum of the search distance in pixels: image noise is estimated near the edge, not on it."""
 MIN_SCORE = 0.08
 """Minimum score of a match."""
 MIN_KEPT = 0.4
@@ -286,7 +286,7 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     return best.pose, [
         warning(
             f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} "
-            "µm RMS): the image may show it from either side (--seen-from)"
+            "µm RMS): the image may show the part from either side (--seen-from)"
         )
     ]
 

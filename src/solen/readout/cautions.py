@@ -42,7 +42,7 @@ def cautions(
     if not in_space:
         sentences.append(
             "the powers come from rays in the plane, so light emitted out of the plane is assumed to arrive in the "
-            'same fractions; set trace.dimension = "extruded" to trace it'
+            'same fractions; set trace.dimension = "extruded" to trace this light'
         )
     return sentences
 

@@ -80,7 +80,7 @@ def recorded(
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """Return the only matrix with as many columns as there are names; raise `DataError` if it is not the only one."""
+    """Return the only matrix with as many columns as there are names; raise `DataError` if there is not exactly one."""
     fitting = [array for array in arrays if np.ndim(array.values) == 2 and min(np.shape(array.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)

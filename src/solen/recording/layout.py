@@ -200,7 +200,7 @@ def _missing_header(grid: Grid, filled: list[int]) -> DataError:
     if len(filled) > 1 and any(head.unit or head.quantity for head in headings):
         above, numbers = grid.address(filled[0]), _numbers(grid, filled[1])
         limit = f"is not a row of numbers, which must follow the header in {above}"
-        remedy = "write plain numbers there, and their unit in the header"
+        remedy = "write plain numbers in this row, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(headings):
             limit = f"has {numbers} numbers, but the header in {above} has {len(headings)} names"
             remedy = "name each column in the header, or all columns with --columns (columns= of read)"

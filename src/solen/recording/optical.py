@@ -109,7 +109,7 @@ def _named(
         for name in names:
             actual = kind_of(recording.channel(name)) or kind
             if name not in by_name or actual != kind:
-                limit = f"is a {actual} trace" if actual != kind else "has no wavelengths"
+                limit = f"is a trace of {actual}" if actual != kind else "has no wavelengths"
                 remedy = f"name it with {OPTIONS[actual]}" if actual != kind else "name another"
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])

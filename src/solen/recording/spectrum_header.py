@@ -94,7 +94,7 @@ def spectrum_recording(
     axis = channels[-1].name
     for name, (_, unit_y, values) in zip(unique([name for name, _, _ in traces]), traces, strict=True):
         quantity, known = _Y.get(_plain(unit_y), ("", ""))
-        note = "" if known else f"its unit {unit_y} is unknown" if unit_y else _UNKNOWN_QUANTITY
+        note = "" if known else f"the unit {unit_y} is unknown" if unit_y else _UNKNOWN_QUANTITY
         channels.append(Channel(name, quantity, known, values, axis=axis, note=note))
     return Recording(tuple(channels), provenance_of(source, kind, metadata, entries.get("instrument", "")))
 

@@ -136,7 +136,9 @@ def _check_range(grid: Grid, layout: Layout, column: Column) -> None:
     outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
     if outside.size:
         limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
-        raise grid.error(layout.body[int(outside[0])], column.index, limit, "correct it, or the unit in the header")
+        raise grid.error(
+            layout.body[int(outside[0])], column.index, limit, "correct the value, or the unit in the header"
+        )
 
 
 def _kind(cells: list[str], name: str) -> str:
@@ -295,7 +297,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     if len(kinds) > 1:
         return channels
     quantity, unit = kinds.pop()
-    note = f"no unit is given: that of {baselines[0].name} is assumed"
+    note = f"no unit is given: the unit of {baselines[0].name} is assumed"
     return [
         replace(channel, quantity=quantity, unit=unit, note=note)
         if not channel.unit and not channel.quantity

@@ -310,7 +310,7 @@ def check_index(
 
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
-    """Return n(low) − n(high) of all entries with several wavelengths that include both, in ascending order."""
+    """Return n(low) − n(high), in ascending order, of all entries with several wavelengths whose range has both."""
     curves = [curve_of(material, package=package) for material in materials() if len(material.n) > 1]
     falls = np.array([np.subtract(*curve([low_nm, high_nm])) for curve in curves])
     return np.sort(falls[np.isfinite(falls)])

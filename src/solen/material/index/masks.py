@@ -70,7 +70,7 @@ class Reason(IntEnum):
 
 
 UNRESOLVED = (Reason.SMALL, Reason.NEGATIVE, Reason.BELOW)
-"""Reasons for which k keeps its uncertainty and an upper bound."""
+"""Reasons for masking k without removing its uncertainty and upper bound."""
 
 
 def n_codes(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, index: AirInversion) -> Codes:

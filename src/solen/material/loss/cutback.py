@@ -407,14 +407,14 @@ def _size_warnings(loss: GuideLoss) -> list[Caution]:
         return [
             do_not_use(
                 f"the loss is not resolved ({signal_and_noise}): it is below {upper:.2g} dB/cm with 95 % confidence; "
-                "use longer guides, or more of them"
+                "use longer guides, or more guides"
             )
         ]
     if high - low > loss.loss_dB_per_cm:
         return [
             warning(
                 f"the loss is known only to within a factor of {high / low:.1f} ({signal_and_noise}): "
-                "use longer guides, or more of them"
+                "use longer guides, or more guides"
             )
         ]
     return []

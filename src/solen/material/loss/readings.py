@@ -48,9 +48,9 @@ class CutbackOptions(RowOptions):
     unit: str | None = None
     """Unit of the powers, instead of that in the header: mW, µW, V, dBm, dB, %, 1 or relative."""
     dark: Finite | None = None
-    """Reading without light, in that unit. If all readings are below it, light lowers them."""
+    """Reading without light, in the unit of the powers. If all readings are below it, light lowers the readings."""
     launched: Finite | None = None
-    """Power launched into the guides, in that unit; adds the coupling loss to the result."""
+    """Power launched into the guides, in the unit of the powers; adds the coupling loss to the result."""
     wavelength_nm: Wavelength | None = None
     """Wavelength of the light, stored in the result; default: that of the table, if it is the same in all rows."""
     keep_all: bool = False

@@ -76,7 +76,7 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     Attributes
     ----------
     label
-        Label of the material; None without one.
+        Label of the material; None if it has no label.
     strain_range
         Strain range for the modulus of the first specimen, as magnitudes.
     mode
@@ -153,7 +153,10 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     )
     warnings = tuple(dict.fromkeys([*notes, *(caution for group in groups for caution in group.warnings)]))
     if len(groups) > 1:
-        text = f"modulus and model apply only to {labels[0]}; groups contains those of all {len(labels)} materials"
+        text = (
+            f"the modulus and the model apply only to {labels[0]}; "
+            f"groups contains the results of all {len(labels)} materials"
+        )
         warnings = (*warnings, note(text))
     sources = {specimen.recording.provenance.sha256: specimen.recording.provenance for specimen in specimens}
     return MeasuredStiffness(
@@ -283,7 +286,7 @@ def _machine_warnings(specimen: _Specimen) -> list[Caution]:
         if exported and abs(modulus / exported - 1) > 0.01:
             return [
                 warning(
-                    f"{heading} in the file is {exported:.6g} MPa, which differs from this modulus by "
+                    f"{heading} in the file is {exported:.6g} MPa, which differs from the computed modulus by "
                     f"{100 * (exported / modulus - 1):+.1f} %"
                 )
             ]

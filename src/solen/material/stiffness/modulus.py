@@ -45,7 +45,7 @@ class Young:
     modulus_MPa, u_modulus_MPa
         Young's modulus, and its standard uncertainty due to scatter and, if known, dimensions.
     u_scatter_MPa, u_dimensions_MPa
-        The two parts; the latter is None if the uncertainty of the dimensions is unknown.
+        Parts of the uncertainty; the second is None if the uncertainty of the dimensions is unknown.
     interval95_modulus_MPa
         95 % interval, from Student's t with the effective degrees of freedom and a normal distribution for the
         dimensions.

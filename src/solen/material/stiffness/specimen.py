@@ -63,7 +63,7 @@ class Dimensions(Options):
     diameter_mm: Finite | None = Field(None, gt=0.0)
     """Diameter of a round cross-section in mm."""
     u_geometry_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of each of these lengths in mm; their errors are assumed independent."""
+    """Standard uncertainty of each specified length in mm; the errors of the lengths are assumed independent."""
 
     @model_validator(mode="after")
     def _check_section(self) -> Self:
