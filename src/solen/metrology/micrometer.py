@@ -1,11 +1,11 @@
 """The scale of an objective from an image of a stage micrometer: parallel lines at equal, known distances.
 
-Such lines have a single period, whatever their profiles. Their direction is found from the
-gradients of the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or
-brightness) relative to its sides; a straight-line fit of all positions against the line numbers gives the period and
-the remaining tilt. The positions on one line share the same optical errors, so the uncertainty is based on the number
-of lines, not of readings. A period that changes across the image is a sign of distortion or a tilted micrometer, and
-contributes to the uncertainty of any length measured there.
+Such lines have a single period, regardless of their profiles. Their direction is found from the gradients of the grey
+values. In strips across the lines, the position of each line is the centroid of its darkness (or brightness) relative
+to its sides; a straight-line fit of all positions against the line numbers gives the period and the remaining tilt. The
+positions on one line share the same optical errors, so the uncertainty is based on the number of lines, not of
+readings. A period that changes across the image is a sign of distortion or a tilted micrometer, and contributes to the
+uncertainty of any length measured in the image.
 
 `measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
 (`solen.metrology.scale.ScaleFile`).

@@ -52,7 +52,7 @@ U_MOTION = 10.0
 designs.
 """
 _FORMS_MM = np.geomspace(1e-6, 1.0, 121)  # magnitudes of the form error to integrate over
-_QUANTILES = ndtri((np.arange(31) + 0.5) / 31)  # of a normal distribution, equally probable
+_QUANTILES = ndtri((np.arange(31) + 0.5) / 31)  # equally probable values of a normal distribution
 
 
 class PrintPriors(Options):

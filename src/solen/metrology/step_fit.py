@@ -69,7 +69,7 @@ class Steps:
         Shape (N,): slope of the background.
     noise
         Shape (N,): standard deviation of the residuals.
-    settled
+    converged
         Shape (N,): whether the fit converged.
     """
 

@@ -2,7 +2,7 @@
 
 These files contain arrays, some of which share an axis. The most common array length is taken as the length of the
 recording; an array with that many rows gives a channel for each column; single numbers and strings are parameters. An
-array of another length is omitted and named in a note, because its relation to the others is unknown.
+array of another length is omitted and named in a note, because its relation to the channels is unknown.
 
 Public names: `Array` and `recorded`.
 """

@@ -3,7 +3,7 @@
 An export begins with two header lines: the trace names in every second cell and, below each name, ``Wavelength
 (nm),%T``. In the rows that follow, each trace has a wavelength and a value until it ends; then come an empty line and
 the program's log of each trace. Traces have separate wavelengths and may share a name; none is dropped or merged. A
-scan has uniform wavelength steps, so one with a jump, a repetition or a gap is rejected as damaged.
+scan has uniform wavelength steps, so a scan with a jump, a repetition or a gap is rejected as damaged.
 
 `is_cary` recognises the header; `read` reads a `Grid`.
 """

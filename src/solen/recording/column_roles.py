@@ -1,8 +1,8 @@
 """Column roles: find the time, angle, force, depth and receiver columns of a recording.
 
-A column named by an option takes precedence. Otherwise a header decides that names the quantity, contains a matching
-unit or follows the conventions of recorders (``ai0``, ``PD2``), tried in this order; if several columns remain, the
-user must name one.
+A column named by an option takes precedence. Otherwise, the column is found by its header, which names the quantity,
+contains a matching unit or follows the conventions of recorders (``ai0``, ``PD2``), tried in this order. If several
+columns remain, the user must name one of them.
 
 Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """

@@ -46,7 +46,7 @@ class Layout:
         Rows of the table.
     after
         Rows of text after the table.
-    again
+    repetitions
         Number of repetitions of the header in the table, as when a logger appends to its file.
     """
 

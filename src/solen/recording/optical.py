@@ -23,7 +23,7 @@ _UNITS = {"%t": "T", "%r": "R", "abs": "A"}
 _ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 _SAME_NM = 0.01  # wavelengths that differ by less are treated as equal
 _MAX_LISTED = 20  # maximum number of names in one line
-_MAX_FRACTION = 2.0  # a median above this is in percent, without its unit
+_MAX_FRACTION = 2.0  # a larger median belongs to values in percent without a unit
 
 
 @dataclass(frozen=True, eq=False)

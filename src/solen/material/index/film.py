@@ -7,7 +7,7 @@ scatter is estimated from the residuals. The form of n is free only if there are
 Cauchy's three terms exceed the noise.
 
 Fringes have many nearly equivalent solutions, which differ by one order. Solutions with neighbouring orders are tried;
-an alternative solution contributes to the covariance with its probability.
+an alternative solution contributes to the covariance in proportion to its probability.
 
 `fit_film` fits a `Film` to `FilmReadings`.
 """

@@ -30,11 +30,11 @@ STEP = 1e-30
 """Complex step for derivatives."""
 _MAX_THICKNESS_SD, _MAX_SLIT_NM = 0.1, 20.0
 _U_BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
-_U_ADDED = 0.01  # the same for each curve of a free index
+_U_ADDED = 0.01  # prior standard deviation of each curve of a free index
 _U_CONTRAST = 0.02  # relative standard uncertainty of the contrast due to causes other than slit and thickness
 _KNOTS = 6
 _INITIAL_U = 1e-3  # assumed uncertainty of readings until their scatter is known
-_MAX_VARIANCE_RATIO = 1.5  # above which the residuals exceed the scatter
+_MAX_VARIANCE_RATIO = 1.5  # ratio above which the residuals exceed the scatter
 _PHASE_SDS = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase to be tried
 _PHASE_HALF_RANGES = np.arange(0.0, 9.0, 0.7)  # half ranges of the phase to be tried
 

@@ -31,7 +31,7 @@ _MIN_DISTANCE_UM = 0.15  # smallest difference of n·h between two interpretatio
 _MAX_PHASES, _MAX_ORDERS = 3, 6.0  # number of interpretations, and largest shift of the order
 _MAX_RISE = 0.1
 _WINDOWS, _MIN_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
-_MIN_AMPLITUDE = 2e-5  # of T; smaller oscillations may be due to rounding or to the subtracted polynomial
+_MIN_AMPLITUDE = 2e-5  # smallest amplitude of T that is not due to rounding or the subtracted polynomial
 
 
 def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:

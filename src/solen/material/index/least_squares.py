@@ -20,7 +20,7 @@ from solen.units import NM_PER_UM
 
 _MAX_ITERATIONS = 50
 _SIGNIFICANCE = 0.01  # p-value below which the scatter exceeds the specified uncertainties
-_SIGNIFICANT_SIGMAS = 2.33  # the same for the correlation of neighbours, in standard deviations
+_SIGNIFICANT_SIGMAS = 2.33  # standard deviations above which a correlation of neighbours is significant
 
 
 @dataclass(frozen=True)

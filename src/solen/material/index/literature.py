@@ -49,7 +49,7 @@ MAX_DISPERSION_RATIO = 2.0
 _EXTRAPOLATED_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _MIN_POINTS = 4  # smallest number of points to which a parabola is fitted
 _MIN_SPAN_NM = 50.0  # smallest wavelength range over which a dispersion is tested
-_TYPICAL_ABBE = 50.0  # of an entry without Abbe number; an error of 10 changes n at 860 nm by 0.002
+_TYPICAL_ABBE = 50.0  # assumed for an entry without one; an error of 10 changes n at 860 nm by 0.002
 
 
 @dataclass(frozen=True)

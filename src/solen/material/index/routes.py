@@ -58,7 +58,7 @@ AS_PUBLISHED = do_not_use(
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Natural logarithm of the base of each kind of absorbance."""
-_RELATIVE_TOLERANCE, _TOLERANCE = 0.02, 1e-4  # within which A is −log10 T
+_RELATIVE_TOLERANCE, _TOLERANCE = 0.02, 1e-4  # tolerances for A = −log10 T
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 _MAX_CORRELATION = 0.995
-_MIN_SINGULAR_VALUE = 1e-10  # relative to the largest; smaller ones are due to rounding
+_MIN_SINGULAR_VALUE = 1e-10  # smaller values, relative to the largest, are due to rounding
 _MAX_CONDITION = 1e14  # condition number above which an inverse has no correct digit
 
 

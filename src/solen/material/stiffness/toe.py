@@ -30,7 +30,7 @@ from solen.material.stiffness.stress_strain import StressStrain
 
 _STEPS = 40  # number of equal stress steps of the loading branch
 _MAX_TOE_STEPS = 20  # number of these steps that may belong to the toe
-_MAX_INCREASE = 1.05  # factor of the slope from step to step
+_MAX_INCREASE = 1.05  # largest ratio of the slopes of successive steps after the toe
 _MIN_STEP_ROWS = 4
 _MAX_ITERATIONS = 8
 _MIN_SHIFT = 1e-5  # smallest strain by which the zero is shifted
