@@ -265,7 +265,7 @@ class CubicChain(Curve):
         return tuple(boxes)
 
     def _nearest(self, point: Point) -> ChainPoint:
-        """Return the position of a point that is on the chain but for rounding, by its projection on each chord."""
+        """Return the position of a point that is on the chain to within rounding, by its projection on each chord."""
         best = ChainPoint(0, 0.0, math.inf)
         x, z = point
         for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):

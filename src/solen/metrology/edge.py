@@ -57,7 +57,7 @@ MAX_OFFSET_SIGMAS, MAX_OFFSET_PX = 5.0, 0.5
 ISOLATION_POINTS, MIN_KEPT_FRACTION = 9, 0.4
 """Number of neighbours of a point, and the fraction of edges among them below which the point is isolated."""
 NOISE_POINTS, NEIGHBOUR_WEIGHT = 31, 4.0
-"""Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
+"""Number of neighbours used for the noise of a point, and their weight relative to that of the point itself."""
 MIN_TRIPLES = 40
 """Minimum number of comparisons with neighbours for an estimate of the scatter."""
 
@@ -325,7 +325,7 @@ class _Sampling:
 
 
 def _noise_factors(noise: FloatArray) -> FloatArray:
-    """Return factors (N,) for the uncertainties if neighbouring lines contribute to the estimate of the noise.
+    """Return factors (N,) for the uncertainties by which neighbouring lines contribute to the estimate of the noise.
 
     A line has about ten values and five parameters, so its residuals determine its noise to 30 % at best.
     """

@@ -165,7 +165,7 @@ def read_image_or_height_map(path: Path, options: HeightMapOptions) -> Image | H
     if is_text(path):
         raise SpecError(
             "--z-um",
-            limit="is missing, but required, because a table of numbers is a height map",
+            limit="is required, because a table of numbers is a height map",
             remedy="specify the height of one unit in µm",
         )
     return read_image(path, options=options)

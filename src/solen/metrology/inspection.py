@@ -248,8 +248,8 @@ class LensInspection(Result):
     def profile(self) -> MeasuredProfile:
         """Return the chosen edge as a profile z(x); raise `DataError` if it folds back on itself.
 
-        An edge that is in focus is assigned to the top face; a single edge, or one of two that are equally sharp, to
-        the mean.
+        An edge that is in focus is assigned to the top face; a single edge, or one of two equally sharp edges, to the
+        mean of both faces.
         """
         chosen = self.outline.chosen
         fit = chosen.registration

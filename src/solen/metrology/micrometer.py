@@ -240,7 +240,7 @@ def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[F
 
 
 def _period(profile: FloatArray, file: str) -> tuple[float, float]:
-    """Return 1 for bright lines or -1 for dark ones, and their spacing in pixels from the autocorrelation."""
+    """Return 1 for bright or -1 for dark lines, and the spacing of the lines in pixels from the autocorrelation."""
     level = profile - ndimage.median_filter(profile, size=max(5, len(profile) // 8), mode="nearest")
     sign = 1.0 if np.mean(level**3) > 0.0 else -1.0
     line = np.maximum(sign * level, 0.0)

@@ -251,7 +251,7 @@ def _length(points: FloatArray) -> float:
 
 
 def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
-    """Return the displacement (2,) of a corner if the front and its wall, if it has one, move outwards by 1."""
+    """Return the displacement (2,) of a corner if the front and the adjacent wall, if any, move outwards by 1."""
     if len(wall) < 2:
         return normal
     wall_normal = side * outward(wall)[0]

@@ -341,7 +341,7 @@ def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:
 
 
 def _p_form(form: float, usual: float, count: float) -> float:
-    """Return the probability of such a form error if the usual one is known to within `FORM_FACTOR`."""
+    """Return the probability of a form error this large if the usual form error is known to within `FORM_FACTOR`."""
     magnitudes = usual * FORM_FACTOR**_QUANTILES
     freedom = max(count - 5.0, 1.0)
     return float(np.mean(chi2.sf(freedom * (form / magnitudes) ** 2, freedom)))

@@ -1,4 +1,4 @@
-"""Warnings about a readout: `cautions` checks its circuit, the load advice and the light."""
+"""Warnings about a readout: `cautions` checks the circuit, the load advice and the light."""
 
 from collections.abc import Iterator
 

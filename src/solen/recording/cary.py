@@ -173,7 +173,7 @@ def _traces(grid: Grid, headings: list[tuple[str, str]], body: list[int]) -> lis
             raise grid.error(gap, column, limit, "restore the wavelength; only a value may be empty")
         for row in rows:
             if is_missing(grid.rows[row][column]):
-                raise grid.error(row, column, "this value has no wavelength")
+                raise grid.error(row, column, "is empty, but the next cell contains a value")
         traces.append(_Trace(name, mode, column, rows))
     return traces
 

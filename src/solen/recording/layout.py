@@ -92,7 +92,7 @@ def find_layout(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
-    """Return the header row: the first possible one, unless it is that of a parameter list above the table."""
+    """Return the header row: the first possible header row that is not that of a parameter list above the table."""
     searched = range(min(len(filled), _HEADER_ROWS))
     first = next((position for position in searched if _can_head(grid, filled, position)), None)
     while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
@@ -167,7 +167,7 @@ def _split_text_below(grid: Grid, below: list[int]) -> tuple[list[int], list[int
 
 
 def _without_header(grid: Grid, filled: list[int]) -> Layout:
-    """Return the layout of a table whose header is the last comment above it, as numpy writes it, or of a spectrum."""
+    """Return the layout of a table with its header in the last comment above it (numpy), or of a bare spectrum."""
     if not filled:
         raise grid.source.error("", "contains no table", "export it again")
     first = filled[0]
@@ -210,7 +210,7 @@ def _missing_header(grid: Grid, filled: list[int]) -> DataError:
 
 
 def _with_names(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Return the layout of a table without a header for all columns, which the caller names."""
+    """Return the layout of a table without a complete header, whose columns are named by the caller."""
     if header is not None:
         limit = "is a header, so the columns would be named twice"
         raise grid.error(header, None, limit, "omit --columns (columns= of read)")

@@ -145,7 +145,7 @@ def _grid(source: Source, sheet: str | None) -> Grid:
 
 
 def _tables(grid: Grid, formats: Sequence[Format], columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
-    """Return the recordings in cells; a table of unknown format is read as a plain one."""
+    """Return the recordings in cells; a table of unknown format is read as a plain table."""
     if columns is not None:
         return [("", table.read(grid, find_layout(grid, columns)))]
     if parts := specimens.specimens(grid):

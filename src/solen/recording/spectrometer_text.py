@@ -172,7 +172,7 @@ def _read(source: Source, name: str, program: Program) -> Recording:
 
 
 def _last_number_note(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Return a note on the last number if the file ends there; otherwise empty."""
+    """Return a note on the last number if the file ends with this number; otherwise an empty string."""
     return (
         truncated_number(_CELL_BREAK.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
     )

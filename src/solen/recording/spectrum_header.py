@@ -100,7 +100,7 @@ def spectrum_recording(
 
 
 def _axes(unit: str, x: FloatArray) -> list[Channel]:
-    """Return the axis, followed by the wavelengths if it is in wavenumbers."""
+    """Return the axis, followed by the wavelengths if the axis is in wavenumbers."""
     name, known = _X[_plain(unit)]
     note = (
         "wavelengths in vacuum; they are 0.03 % longer than in air because of its refractive index"

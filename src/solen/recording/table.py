@@ -135,7 +135,7 @@ def _check_range(grid: Grid, layout: Layout, column: Column) -> None:
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
     outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
     if outside.size:
-        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        limit = f"is a wavelength outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g} nm, the range of laboratory instruments"
         raise grid.error(
             layout.body[int(outside[0])], column.index, limit, "correct the value, or the unit in the header"
         )
@@ -277,7 +277,7 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
 
 
 def _in_nm(channel: Channel) -> Channel:
-    """Return a wavelength channel in nm if the file gives no unit and no other is possible."""
+    """Return a wavelength channel in nm if the file gives no unit and no other unit is possible."""
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _ASSUMED_NM[0] or values.max() > _ASSUMED_NM[1]:
         return channel

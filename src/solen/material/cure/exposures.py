@@ -251,7 +251,7 @@ def _exposure_in_name(recording: Recording, name: str) -> float:
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
-    """Return a sample for each trace of T of one exposure, with a trace of R if there are as many of R as of T."""
+    """Return one sample per trace of T at one exposure, with a trace of R if T and R have equally many traces."""
     has_pairs = len(reflectances) == len(transmittances)
     samples = []
     for number, transmittance in enumerate(transmittances):

@@ -101,7 +101,7 @@ def solved(form: Form, points: Points) -> LeastSquaresFit:
 
 
 def _improved(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Return parameters with a smaller sum of squares, after a full or shortened Gauss-Newton step, or None."""
+    """Return parameters with a smaller sum of squares, after a full or shorter Gauss-Newton step; None if none."""
     weights = points.weights
     value, slope = form.value(inner)
     residuals = weights * (points.n - value)

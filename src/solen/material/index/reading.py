@@ -201,7 +201,7 @@ def _pooled(variance: FloatArray) -> FloatArray:
 
 
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[Caution, ...]]:
-    """Return the mean, the scatter of the rows about their offsets, the standard error of the mean offset, warnings."""
+    """Return the mean, the scatter of the rows about their offsets, the error of the mean offset, and warnings."""
     count, points = rows.shape
     mean = rows.mean(axis=0)
     if points < _MIN_POINTS:

@@ -162,7 +162,7 @@ class Setup:
     baseline, baseline_r
         Reference for 100 % transmittance and reflectance: the bare substrate, or air (for R, a calibrated mirror).
     near
-        Expected index; if two indices fit the readings, the result is the one nearer to it.
+        Expected index; if two indices fit the readings, the result is the index nearer to it.
     """
 
     substrate: Substrate

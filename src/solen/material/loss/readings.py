@@ -182,7 +182,7 @@ def _unit(channel: Channel, option: str | None) -> tuple[str, list[Caution]]:
 
 
 def _labels(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """Return the name of the column that labels the rows, and its cells; None if there is none or it is empty."""
+    """Return the name and the cells of the column that labels the rows; None if this column is missing or empty."""
     cells = recording.label(*names)
     column = [name for name, texts in recording.texts.items() if texts is cells]
     if cells is None and (channel := recording.find(*names)) is not None:

@@ -85,7 +85,7 @@ def measure(mode: Mode, strain: FloatArray) -> FloatArray:
 
 
 def _compensated(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
-    """Return the toe from the line through the first steps after it, by iteration: the measure depends on the zero."""
+    """Return the toe from the line through the steps after it, by iteration, as the measure depends on the zero."""
     shift, u_shift, slope = 0.0, 0.0, 0.0
     end: int | None = None
     for _ in range(_MAX_ITERATIONS):
@@ -122,7 +122,7 @@ def _steps(stress: FloatArray) -> list[slice]:
 
 
 def _end_of_toe(g: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
-    """Return the number of the first step after which the slope hardly increases; None if there is none."""
+    """Return the number of the first step after which the slope hardly increases; None if there is no such step."""
     slopes = [_slope(g[rows], stress[rows]) for rows in steps]
     for number, slope in enumerate(slopes[:-2]):
         limits = (_MAX_INCREASE * slope, _MAX_INCREASE**2 * slope)

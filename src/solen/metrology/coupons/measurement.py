@@ -219,7 +219,7 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Return the fits of visible features, the reasons for the others, and the blur of the large ones."""
+        """Return the fits of visible features, the reasons why others have no fit, and the blur of large features."""
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
