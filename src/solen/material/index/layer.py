@@ -220,7 +220,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
 def _from_fringes(
     recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
-    """Return the index and the other results from the fringes of T and R; None for both if there are no fringes.
+    """Return the index and results from fringes, or from a joint fit with the bare substrate; None for both otherwise.
 
     Raises
     ------
