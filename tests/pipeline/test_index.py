@@ -192,7 +192,7 @@ def test_repeats_yield_an_uncertainty_and_a_warning_about_their_drift(tmp_path: 
     assert result["repeats_nm"] == 900.0
     assert first > last
     assert f"{first:.3f} … {last:.3f}" in only_warning(result, "lossless n(900 nm) of the 5 repeat measurements")
-    assert "drift in one direction" in only_warning(result, "5 repeats of T")
+    assert "drift in one direction" in only_warning(result, "5 repeat measurements of T")
     assert "--u-T" in only_warning(result, "the instrument's accuracy")
     assert result["u_common_n"][0] > 5 * result["u_random_n"][0]
 

@@ -63,7 +63,7 @@ def input_warnings(read: Mapping[str, Reading]) -> list[Caution]:
     without_accuracy = [name for name, reading in read.items() if reading.repeats > 1 and not reading.u_common[1].any()]
     return [
         warning(
-            f"the uncertainty includes only the repeats of {' and '.join(without_accuracy)}, not the instrument's "
+            f"the uncertainty includes only the scatter of {' and '.join(without_accuracy)}, not the instrument's "
             f"accuracy: specify the accuracy with {_options(without_accuracy)}"
         )
     ] * bool(without_accuracy)
