@@ -47,7 +47,7 @@ def test_lines_contain_mode_and_warnings(tmp_path: Path, capfd: pytest.CaptureFi
     ("options", "line"),
     [
         ((), "--thickness-um; is missing"),
-        (("--thickness-um", "50", "--transmittance", "U"), "trace U; not in layer.csv"),
+        (("--thickness-um", "50", "--transmittance", "U"), "trace U; is not in layer.csv"),
         (("--thickness-um", "-50"), "--thickness-um = '-50'"),
         (("--u-T", "30%"), "--u-T = '30%'; must be a fraction or a percentage"),
         (("--polymer", "wax"), "--polymer = 'wax'; must be 'acrylate'"),

@@ -250,7 +250,7 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
         (damaged("cutback", interval95_loss_dB_per_cm=[1.0]), "bad.json: interval95_loss"),
         (damaged("cure", Dp_um=-181.0), "bad.json: cure.Dp_um = -181.0; must be greater than 0"),
-        (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must have no negative"),
+        (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must not have negative"),
         (damaged("stiffness", modulus_MPa=0.0), "bad.json: modulus_MPa = 0.0; must be greater than 0"),
         (damaged("stiffness", modulus_MPa="1.5"), "bad.json: modulus_MPa = '1.5'; must be a number"),
         (lambda: ["--formulation", "a:75,b:20"], "formulation = '95 %'; must add up to 100 % by weight, to within 0.1"),

@@ -53,7 +53,7 @@ def test_selects_traces_by_name(export: Path, capsys: pytest.CaptureFixture[str]
     assert [trace["name"] for trace in result["traces"]] == ["film 1"]
     assert result["warnings"] == []
     assert run_command(["resin", "spectra", str(export), "--trace", "film 3"]) == 2
-    assert "trace film 3; not in spectra.csv; did you mean film 2?" in capsys.readouterr().err
+    assert "trace film 3; is not in spectra.csv; did you mean film 2?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])

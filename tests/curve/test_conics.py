@@ -205,7 +205,7 @@ def test_a_conic_without_curvature_is_straight() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be within 1.999999 mm of the axis; end it nearer"),
+        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be within 1.999999 mm of the axis; end the conic nearer"),
         ({"from_mm": -3.0}, "conic from_mm = -3.0; must be within 1.999999 mm of the axis"),
         ({"to_mm": -1.0}, "conic from_mm and to_mm = -1.0; must differ"),
         ({"curvature_per_mm": math.nan}, "must be a finite number"),

@@ -150,10 +150,10 @@ def test_uncertainty_of_sellmeier_agrees_with_finite_differences(factors: list[f
         ([[1, 0, 0], [0, 1], [0, 0, 1]], "must be 3 by 3"),
         ([], "must be 3 by 3"),
         ([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]], "must be symmetric"),
-        ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "must have no negative eigenvalue"),
-        ([[1e-2, 2e-9, 0], [2e-9, 1e-16, 0], [0, 0, 1]], "must have no negative eigenvalue"),
-        ([[0, 0.1, 0], [0.1, 1, 0], [0, 0, 1]], "must have no negative eigenvalue"),
-        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "must have variances of at least 0"),
+        ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "must not have negative eigenvalues"),
+        ([[1e-2, 2e-9, 0], [2e-9, 1e-16, 0], [0, 0, 1]], "must not have negative eigenvalues"),
+        ([[0, 0.1, 0], [0.1, 1, 0], [0, 0, 1]], "must not have negative eigenvalues"),
+        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "must not have negative variances"),
     ],
 )
 def test_refuses_an_invalid_covariance(covariance: Any, line: str) -> None:

@@ -304,7 +304,7 @@ def test_a_drift_of_repeats_is_reported_and_not_averaged() -> None:
     stationary = t + rng.normal(0.0, 5e-4, (5, NM.size))
     assert reading(stationary).warnings == ()
     drifting = reading(stationary + np.linspace(0.0, 2e-3, 5)[:, None], name="T")
-    assert "the 5 repeats of T drift in one direction" in drifting.warnings[0]
+    assert "the 5 repeat measurements of T drift in one direction" in drifting.warnings[0]
     assert "from 0.92" in drifting.warnings[0]
     assert drifting.u_common[0, 0] == pytest.approx(np.linspace(0.0, 2e-3, 5).std(ddof=1), rel=0.1)
     alternating = reading(stationary + np.array([[0.0], [2e-3], [0.0], [2e-3], [1e-3]]))

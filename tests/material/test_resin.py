@@ -49,7 +49,7 @@ def test_a_file_contains_an_index_of_each_kind(index: str, kind: type, at_500_nm
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (f"{HEAD}[index]\nn = 1.5", "index.kind; missing: must be one of number, table, cauchy, sellmeier; add"),
+        (f"{HEAD}[index]\nn = 1.5", "index.kind; is required and must be one of number, table, cauchy, sellmeier; add"),
         (
             f'{HEAD}[index]\nkind = "cauchi"',
             "index.kind = 'cauchi'; must be one of number, table, cauchy, sellmeier; did",
@@ -71,7 +71,7 @@ def test_a_file_contains_an_index_of_each_kind(index: str, kind: type, at_500_nm
         (f"{HEAD}{N}[cure]\nDp_um = 80\nEc_mJ_per_cm2 = 0", "cure.Ec_mJ_per_cm2 = 0; must be greater than 0"),
         (
             f"{HEAD}{N}[cure]\nDp_um = 80\nEc_mJ_per_cm2 = 8\ncovariance = [[1, 2], [2, 1]]",
-            "cure.covariance = -1.0; must have no negative eigenvalue",
+            "cure.covariance = -1.0; must not have negative eigenvalues",
         ),
         (f"{HEAD}{N}[cure]\nqqq = 1", "cure.qqq; unknown key; the keys of this table are Dp_um, Ec_mJ_per_cm2"),
         (f"{HEAD}{N}[stiffness]\nmodulus = 1", "stiffness.modulus; unknown key; did you mean stiffness.modulus_MPa?"),

@@ -200,8 +200,8 @@ def test_a_working_curve_is_stored() -> None:
     ("changes", "line"),
     [
         ({"Dp_um": -181.0}, "cure.Dp_um = -181.0; must be greater than 0"),
-        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "cure.covariance = -1.0; must have no negative eigenvalue"),
-        ({"covariance": [[-1.0, 0.0], [0.0, 1.0]]}, "cure.covariance = -1.0; must have variances of at least 0"),
+        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "cure.covariance = -1.0; must not have negative eigenvalues"),
+        ({"covariance": [[-1.0, 0.0], [0.0, 1.0]]}, "cure.covariance = -1.0; must not have negative variances"),
         ({"covariance": [[1.0, 0.5], [0.1, 1.0]]}, "cure.covariance"),
         ({"interval95_Dp_um": [1.0]}, "cure.interval95_Dp_um"),
         ({"Ec_mJ_per_cm2": None}, "cure.Ec_mJ_per_cm2; must be a number"),

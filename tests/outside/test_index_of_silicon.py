@@ -38,9 +38,9 @@ def test_reports_drift_of_lossless_index_over_repeats(raw: Path) -> None:
     together = index(raw, IndexOptions(transmittance=REPEATS))
     assert together["mode"] == "lossless"
     assert together["repeats_lossless_n"] == pytest.approx(indices)
-    (warning,) = [warning for warning in together["warnings"] if "lossless n(1775 nm) of the 5 repeats" in warning]
+    (warning,) = [text for text in together["warnings"] if "n(1775 nm) of the 5 repeat measurements" in text]
     assert "3.472 … 3.463" in warning
-    assert any("5 repeats of T drift in one direction" in warning for warning in together["warnings"])
+    assert any("5 repeat measurements of T drift in one direction" in warning for warning in together["warnings"])
     # the uncertainty is that of one repeat: it covers the drift, and does not decrease with the number of repeats
     position = index_at(together, 1775.0)
     assert together["u_n"][position] > 0.003

@@ -191,8 +191,8 @@ def test_repeats_yield_an_uncertainty_and_a_warning_about_their_drift(tmp_path: 
     first, *_, last = result["repeats_lossless_n"]
     assert result["repeats_nm"] == 900.0
     assert first > last
-    assert f"{first:.3f} … {last:.3f}" in only_warning(result, "lossless n(900 nm) of the 5 repeats")
-    assert "drift in one direction" in only_warning(result, "5 repeats of T")
+    assert f"{first:.3f} … {last:.3f}" in only_warning(result, "lossless n(900 nm) of the 5 repeat measurements")
+    assert "drift in one direction" in only_warning(result, "5 repeat measurements of T")
     assert "--u-T" in only_warning(result, "the instrument's accuracy")
     assert result["u_common_n"][0] > 5 * result["u_random_n"][0]
 
@@ -211,8 +211,8 @@ def test_one_of_several_traces_must_be_selected(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("selected", "line"),
     [
-        ({"transmittance": ["three"]}, "trace three; not in layer.csv"),
-        ({"reflectance": ["one"]}, "--reflectance one; is a T trace; name it with --transmittance"),
+        ({"transmittance": ["three"]}, "trace three; is not in layer.csv"),
+        ({"reflectance": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
         ({"transmittance": ["one", "one"]}, "--transmittance; names a trace twice"),
         ({"reflectance": ["R"]}, "transmittance; is missing; an index requires T"),
     ],

@@ -195,7 +195,7 @@ CASES = {
     "the modes of traces lost": ("".join([TWO_TRACES[0], *TWO_TRACES[2:]]).encode(), "line 1"),
     "the header of one trace made part of the other's": (
         "".join(["a,ength (nm),%T,Wavelength (nm),%R,\r\n", *TWO_TRACES[2:]]).encode(),
-        "no wavelength in nm",
+        "is a wavelength outside 100 to 100000 nm",
     ),
     "a single cell of a table": ("".join([*TWO_TRACES[:2], "900"]).encode(), "line 3"),
     "a decimal point lost in one number": (edited("testxpert", ("785.573", "785573")), "line 35, column 5"),

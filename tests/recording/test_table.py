@@ -305,7 +305,7 @@ def test_reports_number_that_may_be_truncated(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wave", ["91.37", "123456"])
 def test_rejects_impossible_wavelength(tmp_path: Path, wave: str) -> None:
-    with pytest.raises(DataError, match=r"line 3, column 1 = .*no wavelength in nm"):
+    with pytest.raises(DataError, match=r"line 3, column 1 = .*; is a wavelength outside 100 to 100000 nm"):
         read(saved(tmp_path, f"wavelength_nm,T\n400,0.9\n{wave},0.9\n"))
 
 
@@ -365,7 +365,7 @@ def test_reports_isolated_value(tmp_path: Path) -> None:
 
 
 def test_rejects_wavelengths_in_metres(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 2, column 1 = '400'; no wavelength"):
+    with pytest.raises(DataError, match="line 2, column 1 = '400'; is a wavelength outside"):
         read(saved(tmp_path, "Wavelength (m),T\n400,0.9\n"))
     assert read(saved(tmp_path, "Wavelength (µm),T\n0.4,0.9\n")).need("wavelength").to("nm").tolist() == [400.0]
 

@@ -51,7 +51,7 @@ def check_numbers(what: str, *values: object) -> None:
 def check_range(
     what: str, value: float, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> None:
-    """Raise `DesignError` if a value is not a finite number from ``least`` to ``most`` and above ``above``."""
+    """Raise `DesignError` unless a value is a finite number from ``least`` to ``most`` and greater than ``above``."""
     check_numbers(what, value)
     if least <= value <= most and value > above:
         return

@@ -233,7 +233,7 @@ class CubicChain(Curve):
             yield ray.distance(control[3]) + fraction * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, start: ChainPoint, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Yield the distances to the piece from which the ray starts and to the next in one direction of the chain."""
+        """Yield the distances to hits on the piece from which the ray starts and on the next piece in one direction."""
         origin = point_at(self.pieces[start.piece].control, start.v)
         rest = ray.offset(origin)
         before, after = (start.v, 1.0 - start.v) if forwards else (1.0 - start.v, start.v)
@@ -265,7 +265,7 @@ class CubicChain(Curve):
         return tuple(boxes)
 
     def _nearest(self, point: Point) -> ChainPoint:
-        """Return the position of a point that is on the chain but for rounding, by its projection on each chord."""
+        """Return the position of a point that is on the chain to within rounding, by its projection on each chord."""
         best = ChainPoint(0, 0.0, math.inf)
         x, z = point
         for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):

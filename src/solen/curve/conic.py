@@ -118,7 +118,7 @@ class Conic(Curve):
                     f"conic {name}",
                     value=end_mm,
                     limit=f"must be within {math.sqrt(1.0 - MIN_RADICAND) * self.half_width_mm:.9g} mm of the axis",
-                    remedy="end it nearer to the axis, or reduce the curvature or the conic constant",
+                    remedy="end the conic nearer to the axis, or reduce the curvature or the conic constant",
                 )
 
     @property

@@ -17,8 +17,9 @@ from solen.errors import DesignError
 
 Function = Callable[[FloatArray], FloatArray]
 Displacement = Callable[[Curve, float, float], tuple[Function, Function, Sequence[float] | FloatArray]]
-"""Displaces a piece without corners, given with its parameters at both ends on the entire curve. Returns functions for
-the positions and velocities with respect to the piece's own parameter, and the parameters at which cubics must end.
+"""Function that displaces a piece without corners. It is called with the piece and with the parameters of the entire
+curve at the two ends of the piece. It returns the displaced positions and velocities as functions of the parameter of
+the piece, and the values of this parameter at which cubics must end.
 """
 
 MARGIN = 0.5

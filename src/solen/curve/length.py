@@ -37,7 +37,7 @@ class ArcLength:
         return float(self._lengths_to[-1])
 
     def u_at(self, length_mm: float) -> float:
-        """Return the parameter at an arc length from the start; 0 for negative ones, 1 for those above the total."""
+        """Return the parameter at an arc length from the start; 0 for a negative length, 1 above the total."""
         if length_mm <= 0.0:
             return 0.0
         if length_mm >= self.length_mm:

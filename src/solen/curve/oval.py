@@ -130,7 +130,7 @@ class CartesianOval(Curve):
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:
-        """Return the left-hand side of the oval's equation minus its right-hand side: 0 on it, negative inside.
+        """Return the left-hand side of the oval's equation minus its right-hand side: 0 on the oval, negative inside.
 
         |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a
         distant focus.
@@ -157,7 +157,7 @@ class CartesianOval(Curve):
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Yield the intersections of a line with the full oval, or only the far one if the ray starts on it."""
+        """Yield the intersections of a line with the full oval, or only the far one if the line starts on the oval."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
         middle, offset = -dot(from_focus, direction), cross(from_focus, direction)

@@ -38,7 +38,7 @@ _ROUNDING = 1e-9  # tolerated asymmetry and negative eigenvalues, relative to th
 
 
 def check_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
-    """Raise unless a covariance has the given number of rows and columns, is symmetric and positive semidefinite."""
+    """Raise if a covariance is not symmetric and positive semidefinite with one row and column per parameter."""
     if covariance is None:
         return
     if len(covariance) != parameters or any(len(row) != parameters for row in covariance):
@@ -46,7 +46,7 @@ def check_covariance(covariance: Sequence[Sequence[float]] | None, parameters: i
         raise refused("covariance", f"must be {parameters} by {parameters}, one row per parameter", value=shape)
     matrix = np.array(covariance)
     if (np.diag(matrix) < 0).any():
-        raise refused("covariance", "must have variances of at least 0", value=float(np.diag(matrix).min()))
+        raise refused("covariance", "must not have negative variances", value=float(np.diag(matrix).min()))
     spread = np.sqrt(np.diag(matrix))
     spread[spread == 0] = 1.0
     correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude, so they are scaled
@@ -54,7 +54,7 @@ def check_covariance(covariance: Sequence[Sequence[float]] | None, parameters: i
         limit = f"must be symmetric: rows and columns differ by {gap:.3g}, relative to the standard deviations"
         raise refused("covariance", limit)
     if (lowest := float(np.linalg.eigvalsh(correlation).min())) < -_ROUNDING:
-        raise refused("covariance", "must have no negative eigenvalue", value=lowest)
+        raise refused("covariance", "must not have negative eigenvalues", value=lowest)
 
 
 def _propagated(covariance: Covariance | None, jacobian: Sequence[float]) -> float | None:

@@ -72,7 +72,7 @@ def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
     steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
     max_gap_nm = max(MAX_GAP_NM, MAX_GAP_STEPS * steps[len(steps) // 2])
     return tuple(
-        warning(f"no index is known from {low:g} to {high:g} nm: it is interpolated linearly there")
+        warning(f"no index is known from {low:g} to {high:g} nm: the index is interpolated linearly there")
         for low, high in pairwise(wavelengths_nm)
         if high - low > max_gap_nm
     )

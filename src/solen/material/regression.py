@@ -27,7 +27,7 @@ from solen.arrays import BoolArray, FloatArray, IndexArray
 L = TypeVar("L", bound=Hashable)
 
 FALSE_ALARM_RATE = 0.01
-"""Fraction of data sets without an outlier in which `rosner_outliers` reports one."""
+"""Fraction of data sets without an outlier in which `rosner_outliers` reports an outlier."""
 MIN_DF = 0.25
 """Lower limit of the degrees of freedom of a covariance from residuals, as a fraction of n − p (decision 0028)."""
 _MAX_ITERATIONS = 100
@@ -39,7 +39,7 @@ _ROUNDING = 1e-10  # residuals below this fraction of the data are rounding erro
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Variance components: derivatives of the covariance of β by them, (k, p, p), and their own covariance, (k, k)."""
+    """Variance components: derivatives of the covariance of β by them, (k, p, p), and their covariance, (k, k)."""
 
     gradients: FloatArray
     covariance: FloatArray
@@ -102,7 +102,7 @@ class LinearFit:
     residuals
         y − X β, shape (n,).
     deletion_t
-        Deviation of each point from the fit to the others, in standard errors estimated without it, shape (n,).
+        Deviation of each point from a fit to the other points, in standard errors of that fit, shape (n,).
     criterion
         −2 ln of the restricted likelihood, up to a constant that depends only on X.
     estimator
@@ -371,7 +371,7 @@ def _without_rounding(squares: float, size: float, weighted: FloatArray) -> tupl
 
 
 def _deletion_t(weighted: FloatArray, diagonal: FloatArray, squares: float, df: int) -> FloatArray:
-    """Return each point's residual from the fit to the others in standard errors, or 0 if that is undetermined."""
+    """Return each point's residual from a fit to the other points, in standard errors; 0 if undetermined."""
     if squares == 0.0 or df < 2:
         return np.zeros(len(weighted))
     determined = diagonal > _ROUNDING * diagonal.max()

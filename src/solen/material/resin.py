@@ -174,7 +174,7 @@ class Resin(Strict):
             return value
         limit = f"must be one of {', '.join(KINDS)}"
         if "kind" not in value:
-            raise refused("kind", f"missing: {limit}", remedy='add, for example, kind = "cauchy"')
+            raise refused("kind", f"is required and {limit}", remedy='add, for example, kind = "cauchy"')
         kind = KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
         if kind is None:
             near = nearest(str(value["kind"]), KINDS)
@@ -196,7 +196,7 @@ class Resin(Strict):
 
     @property
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings about its index, loss, working curve and stiffness."""
+        """Warnings about the index, loss, working curve and stiffness."""
         return self.cautions(*MEASURED)
 
     def cautions(self, *tables: str) -> tuple[Caution, ...]:

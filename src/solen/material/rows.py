@@ -142,8 +142,8 @@ def stacked_replicates(recording: Recording, names: Sequence[str], labels: Seque
     if unnumbered and len(numbered) > 1:
         raise DataError(
             f"column {unnumbered[0]}",
-            limit=f"occurs together with its replicates {', '.join(numbered)}: it may be their mean, not one of them",
-            remedy=f"delete it, or omit it with --map {unnumbered[0]}=summary --ignore summary",
+            limit=f"may be the mean of the replicates {', '.join(numbered)} and not another replicate",
+            remedy=f"delete the column, or exclude it with --map {unnumbered[0]}=summary --ignore summary",
         )
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
         return recording

@@ -27,7 +27,7 @@ from solen.spec import Design, with_values
 
 MIN_PROBABILITY = 0.95
 MIN_P_FORM = 0.05
-"""Probability of a form error as large as the outline's below which a print of the design is ruled out."""
+"""A design is ruled out if the form error of the outline has a lower probability for a print of this design."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
 """Emitter distance, focus and half width of the paper's lenses."""
@@ -71,7 +71,7 @@ class ComparedDesign:
 def designs_to_compare(
     design: Design, nominal: NominalFront, against: Sequence[Design] = (), seen_from: SeenFrom | None = None
 ) -> list[NominalFront]:
-    """Return the nominal fronts to compare an outline with, under unique names; the design's own is always included.
+    """Return the nominal fronts to compare an outline with, under unique names; that of the design is always included.
 
     By default these are the paper's three indices if the design has the paper's lens.
     """

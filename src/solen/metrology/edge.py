@@ -42,9 +42,9 @@ MAX_U_PX = 1.0
 MIN_SNR = 4.0
 """Minimum ratio of a step's rise to the noise of a line."""
 MIN_RISE = 0.25
-"""Ratio to the median rise along the contour below which a step belongs to another edge or to none."""
+"""Smallest rise of a step, relative to the median along the contour; a smaller step is not part of the edge."""
 MAX_BLUR_RATIO = 2.5
-"""Ratio to the median blur, or its inverse, above which a fit is rejected."""
+"""Ratio of a fit's blur to the median blur, or inverse of this ratio, above which the fit is rejected."""
 MAX_RESIDUAL_RATIO = 2.2
 """Ratio of a line's residuals to their median above which another object is assumed to lie on the edge."""
 NEGLIGIBLE_RESIDUAL = 0.02
@@ -57,7 +57,7 @@ MAX_OFFSET_SIGMAS, MAX_OFFSET_PX = 5.0, 0.5
 ISOLATION_POINTS, MIN_KEPT_FRACTION = 9, 0.4
 """Number of neighbours of a point, and the fraction of edges among them below which the point is isolated."""
 NOISE_POINTS, NEIGHBOUR_WEIGHT = 31, 4.0
-"""Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
+"""Number of neighbours used for the noise of a point, and their weight relative to that of the point itself."""
 MIN_TRIPLES = 40
 """Minimum number of comparisons with neighbours for an estimate of the scatter."""
 
@@ -119,7 +119,7 @@ class Edge:
 def normals_of(contour_px: FloatArray, *, closed: bool, span: int = 5) -> FloatArray:
     """Return the unit normals (N, 2) of a contour, to its left as seen in the image.
 
-    The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
+    The tangent (dx, dy) runs from ``span`` points before to ``span`` points after, and is rotated to (dy, −dx).
     """
     if closed:
         ahead, behind = np.roll(contour_px, -span, axis=0), np.roll(contour_px, span, axis=0)
@@ -325,7 +325,7 @@ class _Sampling:
 
 
 def _noise_factors(noise: FloatArray) -> FloatArray:
-    """Return factors (N,) for the uncertainties if neighbouring lines contribute to the estimate of the noise.
+    """Return factors (N,) for the uncertainties by which neighbouring lines contribute to the estimate of the noise.
 
     A line has about ten values and five parameters, so its residuals determine its noise to 30 % at best.
     """

@@ -141,7 +141,7 @@ def trace_edges(band: Band, max_edges: int = MAX_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, min_change: float) -> TracedEdge:
-    """Return the edge of one sign with the largest total change on a free path; ``least`` is the visible minimum."""
+    """Return the edge of one sign with the largest total change on a free path; it is distinct above ``min_change``."""
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)

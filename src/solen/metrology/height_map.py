@@ -45,7 +45,7 @@ class HeightMapOptions(ScaleOptions):
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
     """Height of one level or unit of a height map, µm; without it the file is read as an image."""
     u_z_um: Annotated[Finite, Field(ge=0, le=1e4)] | None = None
-    """Standard uncertainty of that height, µm."""
+    """Standard uncertainty of the height of one level or unit, µm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ def read_height_map(
     valid = np.isfinite(levels)
     if valid.mean() < MIN_VALID:
         limit = f"has heights in only {100 * valid.mean():.0f} % of its pixels; {100 * MIN_VALID:.0f} % are needed"
-        raise DataError(file, limit=limit, remedy="measure it again with more light, or crop it to the coupon")
+        raise DataError(file, limit=limit, remedy="measure the coupon again with more light, or crop the map to it")
     if float(np.nanmax(levels)) == float(np.nanmin(levels)):
         raise DataError(file, limit="has the same height everywhere", remedy="export the heights, not a mask")
     scale, warnings = choose_scale(file, tags, options)
@@ -165,7 +165,7 @@ def read_image_or_height_map(path: Path, options: HeightMapOptions) -> Image | H
     if is_text(path):
         raise SpecError(
             "--z-um",
-            limit="is missing, but required, because a table of numbers is a height map",
+            limit="is required, because a table of numbers is a height map",
             remedy="specify the height of one unit in µm",
         )
     return read_image(path, options=options)

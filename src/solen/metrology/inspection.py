@@ -248,8 +248,8 @@ class LensInspection(Result):
     def profile(self) -> MeasuredProfile:
         """Return the chosen edge as a profile z(x); raise `DataError` if it folds back on itself.
 
-        An edge that is in focus is assigned to the top face; a single edge, or one of two that are equally sharp, to
-        the mean.
+        An edge that is in focus is assigned to the top face; a single edge, or one of two equally sharp edges, to the
+        mean of both faces.
         """
         chosen = self.outline.chosen
         fit = chosen.registration
@@ -429,7 +429,7 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
             warning(
                 f"apart from overgrowth, the outline is {100.0 * abs(change):.2f} % "
                 f"{'larger' if change > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
-                "or grown, or it was tilted; this image does not show which"
+                "or grown, or it was tilted; this image does not show the cause"
             )
         )
     if abs(size.overgrowth_um) > SIGNIFICANT_SIGMAS * size.u_overgrowth_um:

@@ -1,11 +1,11 @@
 """The scale of an objective from an image of a stage micrometer: parallel lines at equal, known distances.
 
-Such lines have a single period, whatever their profiles. Their direction is found from the
-gradients of the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or
-brightness) relative to its sides; a straight-line fit of all positions against the line numbers gives the period and
-the remaining tilt. The positions on one line share the same optical errors, so the uncertainty is based on the number
-of lines, not of readings. A period that changes across the image is a sign of distortion or a tilted micrometer, and
-contributes to the uncertainty of any length measured there.
+Such lines have a single period, regardless of their profiles. Their direction is found from the gradients of the grey
+values. In strips across the lines, the position of each line is the centroid of its darkness (or brightness) relative
+to its sides; a straight-line fit of all positions against the line numbers gives the period and the remaining tilt. The
+positions on one line share the same optical errors, so the uncertainty is based on the number of lines, not of
+readings. A period that changes across the image is a sign of distortion or a tilted micrometer, and contributes to the
+uncertainty of any length measured in the image.
 
 `measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
 (`solen.metrology.scale.ScaleFile`).
@@ -38,7 +38,7 @@ MAX_SPACING_ERROR = 0.015
 image is removed.
 """
 MAX_OFFSET = 0.15
-"""Largest displacement of a line from its place in the sequence, as a fraction of the period."""
+"""Largest displacement of a line from its position in the sequence, as a fraction of the period."""
 MIN_PROMINENCE = 0.4
 """Minimum contrast of a line, as a fraction of that of the strongest lines."""
 MIN_PERIOD_PX = 4.0
@@ -55,7 +55,7 @@ class MicrometerOptions(Options):
     spacing_mm: Finite = Field(gt=0.0, le=100.0)
     """Distance between the centres of neighbouring lines."""
     u_spacing_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of this distance, from the micrometer's certificate."""
+    """Standard uncertainty of the distance between lines, from the micrometer's certificate."""
     objective: str = ""
     """Name of the objective and camera, such as 10x, for the file."""
 
@@ -240,7 +240,7 @@ def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[F
 
 
 def _period(profile: FloatArray, file: str) -> tuple[float, float]:
-    """Return 1 for bright lines or -1 for dark ones, and their spacing in pixels from the autocorrelation."""
+    """Return 1 for bright or -1 for dark lines, and the spacing of the lines in pixels from the autocorrelation."""
     level = profile - ndimage.median_filter(profile, size=max(5, len(profile) // 8), mode="nearest")
     sign = 1.0 if np.mean(level**3) > 0.0 else -1.0
     line = np.maximum(sign * level, 0.0)
@@ -333,8 +333,8 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     if options.u_spacing_mm is None:
         warnings.append(
             warning(
-                "the uncertainty of the micrometer's spacing is not specified (--u-spacing-mm), so that of the "
-                "scale does not include it"
+                "the uncertainty of the micrometer's spacing is not specified (--u-spacing-mm) and is not included in "
+                "the uncertainty of the scale"
             )
         )
     if stretch_percent is not None:

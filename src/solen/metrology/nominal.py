@@ -95,7 +95,7 @@ class NominalFront:
         offset = points - points[0]
         sag = np.abs(chord[0] * offset[:, 1] - chord[1] * offset[:, 0]).max() / np.hypot(*chord)
         if sag < MIN_SAG_RATIO * np.hypot(*chord):
-            limit = "its front is nearly flat, so an image of it cannot be registered to the design"
+            limit = "has a nearly flat front, so an image cannot be registered to the design"
             raise DataError(name, limit=limit, remedy="inspect a design with a lens")
         reach = WALL_LENGTH * float(np.hypot(*chord))
         return cls(name, points, _cut(left, reach), _cut(right, reach))
@@ -251,7 +251,7 @@ def _length(points: FloatArray) -> float:
 
 
 def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
-    """Return the displacement (2,) of a corner if the front and its wall, if it has one, move outwards by 1."""
+    """Return the displacement (2,) of a corner if the front and the adjacent wall, if any, move outwards by 1."""
     if len(wall) < 2:
         return normal
     wall_normal = side * outward(wall)[0]

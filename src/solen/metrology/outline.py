@@ -43,7 +43,7 @@ EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
 """Distance on each side of the design within which an edge is searched for, as a fraction of the lens width."""
 REACH_PX = 14.0
-"""Minimum of this distance in pixels: image noise is estimated near the edge, not on it."""
+"""Minimum of the search distance in pixels: image noise is estimated near the edge, not on it."""
 MIN_SCORE = 0.08
 """Minimum score of a match."""
 MIN_KEPT = 0.4
@@ -202,7 +202,7 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
 
 
 def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
-    """Return the edges along the front, after the strongest one has corrected the pose."""
+    """Return the edges along the front; the strongest edge is used first to correct the pose."""
     reach_mm = max(REACH * nominal.width_mm, REACH_PX * 1e-3 * image.um_per_px)
     band = Band.of(image.grey, pose, nominal, reach_mm)
     for _ in range(2):
@@ -260,12 +260,12 @@ def _named(
 
 
 def _walls_of(walls: Sequence[list[Edge]], index: int, count: int) -> tuple[Edge | None, ...]:
-    """Return the edge of each wall that continues an edge of the front, or None if their edge counts differ."""
+    """Return the edge of each wall that continues an edge of the front; None if the wall has more or fewer edges."""
     return tuple(wall[index] if len(wall) == count else None for wall in walls)
 
 
 def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[Caution]]:
-    """Return the pose with the allowed mirror state that fits the edge best, and a warning if that is uncertain."""
+    """Return the pose with the allowed mirror state that fits the edge best; warn if the mirror state is uncertain."""
     edge = max(edges, key=lambda edge: edge.fraction_kept)
     if nominal.is_symmetric:
         return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []
@@ -286,7 +286,7 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     return best.pose, [
         warning(
             f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} "
-            "µm RMS): the image may show it from either side (--seen-from)"
+            "µm RMS): the image may show the part from either side (--seen-from)"
         )
     ]
 

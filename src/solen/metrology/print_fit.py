@@ -7,7 +7,7 @@ factor (fully for a circle), but the walls behind the front separate the two. Fr
 jointly, all five parameters at once, with the form error of the print, of unknown magnitude, as residual.
 
 Form errors of neighbouring points are correlated, so N points are equivalent to m independent values: with a form error
-of standard deviation σ, the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
+of standard deviation σ, the log-likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
 parameters near the best fit, so the integral over these is exact, and the integral over σ is computed on a grid with a
 prior about the usual form error. The result is the marginal likelihood of the design (A. Gelman and others, Bayesian
 Data Analysis, chapters 7 and 14). The same prior gives the probability that a print of this design deviates by as much:
@@ -52,7 +52,7 @@ U_MOTION = 10.0
 designs.
 """
 _FORMS_MM = np.geomspace(1e-6, 1.0, 121)  # magnitudes of the form error to integrate over
-_QUANTILES = ndtri((np.arange(31) + 0.5) / 31)  # of a normal distribution, equally probable
+_QUANTILES = ndtri((np.arange(31) + 0.5) / 31)  # equally probable values of a normal distribution
 
 
 class PrintPriors(Options):
@@ -341,7 +341,7 @@ def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:
 
 
 def _p_form(form: float, usual: float, count: float) -> float:
-    """Return the probability of such a form error if the usual one is known to within `FORM_FACTOR`."""
+    """Return the probability of a form error this large if the usual form error is known to within `FORM_FACTOR`."""
     magnitudes = usual * FORM_FACTOR**_QUANTILES
     freedom = max(count - 5.0, 1.0)
     return float(np.mean(chi2.sf(freedom * (form / magnitudes) ** 2, freedom)))

@@ -139,7 +139,7 @@ def read_raster(file: str, data: bytes) -> Plane:
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
         camera = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
-            lossy = f"{kind} compression is lossy: its blocks of 8 pixels shift edges; TIFF or PNG avoid this"
+            lossy = f"{kind} compression is lossy: its blocks of 8 pixels shift edges; save images as TIFF or PNG"
             cautions = (*cautions, warning(lossy))
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),

@@ -49,7 +49,7 @@ class Registration:
         Standard uncertainties of the rotation and of the shifts along x and z.
     by_scale_um
         Shape (N,): derivative of ``deviation_um``, after registration, with respect to the logarithm of the scale.
-    independent
+    independent_values
         Number of independent values among the deviations.
     weights
         Shape (N,): Huber's weights.
@@ -113,7 +113,7 @@ def register(
         The design.
     u_scale
         Relative standard uncertainty of the scale.
-    only
+    on_front
         Shape (N,): whether a point belongs to the front; by default, all points near it do.
 
     Raises

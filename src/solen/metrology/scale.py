@@ -267,7 +267,7 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
     warnings = [
         warning(
             f"{other.origin} specifies {other.x_um:.6g} µm per pixel, whereas {first.origin} specifies "
-            f"{first.x_um:.6g}: the latter is used"
+            f"{first.x_um:.6g}: {first.origin} is used"
         )
         for other in usable[1:]
         if abs(other.x_um / first.x_um - 1.0) > MAX_DIFFERENCE

@@ -101,7 +101,7 @@ def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
     if len(opened.series) > 1:
         shapes = {stored.shape for stored in opened.series}
         limit = f"contains {len(opened.series)} images of {len(shapes)} size{'s' * (len(shapes) > 1)}"
-        raise DataError(file, limit=limit, remedy="export the one to be measured")
+        raise DataError(file, limit=limit, remedy="export the image to be measured")
 
 
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:

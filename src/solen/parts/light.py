@@ -97,7 +97,7 @@ def light_of(design: Design) -> Light:
 
 
 def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
-    """Return a warning if the part does not emit this light."""
+    """Return a warning if the part does not emit light of the specified wavelength."""
     if part is None or abs(part.peak_nm.nominal - wavelength_nm) <= MAX_PEAK_DIFFERENCE_NM:
         return ()
     return (

@@ -2,7 +2,7 @@
 
 A trace gives the fractions of the emitted power that reach the receivers' faces. The emitter power converts them to mW,
 the face area to irradiance, the receiver's sensitivity to current, the load to voltage, and the ADC to a code.
-**Brighter is a lower voltage.** Noise is calculated by formula and then drawn at random.
+**Brighter is a lower voltage.** Noise is calculated by formula and then sampled at random.
 
 Public names: `circuit_of`, `face_areas_mm2`, `volts`, `noise`, `advise` and `readings_of`.
 """

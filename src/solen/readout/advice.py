@@ -1,4 +1,4 @@
-"""Advice on the load that uses the supply voltage without saturation, from the dimmest to the brightest parts.
+"""Advice on the load: the widest range of readings without saturation, for the dimmest to the brightest parts.
 
 The brightest reading of the motion may drop to a target several knee widths above saturation, where the current is
 reduced by less than one per cent. The load for this target is R = (V_supply − V_target)/I_brightest. The target is the

@@ -1,4 +1,4 @@
-"""Warnings about a readout: `cautions` checks its circuit, the load advice and the light."""
+"""Warnings about a readout: `cautions` checks the circuit, the load advice and the light."""
 
 from collections.abc import Iterator
 
@@ -42,7 +42,7 @@ def cautions(
     if not in_space:
         sentences.append(
             "the powers come from rays in the plane, so light emitted out of the plane is assumed to arrive in the "
-            'same fractions; set trace.dimension = "extruded" to trace it'
+            'same fractions; set trace.dimension = "extruded" to trace this light'
         )
     return sentences
 
@@ -62,8 +62,8 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
         )
     if abs(part.exponent - 1.0) > MAX_EXPONENT_DEVIATION:
         yield (
-            f"the response of {part.name} is directional, cos^{part.exponent:.3g}: its reading depends on its "
-            "alignment; its axis is assumed to be perpendicular to the face"
+            f"the response of {part.name} is directional, cos^{part.exponent:.3g}: the reading depends on the "
+            "alignment of the receiver, whose axis is assumed to be perpendicular to the face"
         )
 
 

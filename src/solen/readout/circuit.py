@@ -1,4 +1,4 @@
-"""The complete circuit of a design: emitter, a phototransistor and load for each receiver, and ADC.
+"""The complete circuit of a design: the emitter, a phototransistor and a load for each receiver, and the ADC.
 
 Parts have typical values and tolerances. A `Circuit` is one set of parts; `cases_of` returns the set with typical parts
 and the sets with the weakest and the strongest emitter and receivers, and `Circuit.drawn` a random set.
@@ -107,7 +107,7 @@ class Circuit:
     def slope_V(
         self, power_fraction: FloatArray, ambient_mW_cm2: Floats = 0.0, temperature_C: Floats = REFERENCE_C
     ) -> FloatArray:
-        """Return the change of the voltages (..., R) per fraction of the emitted power; negative: brighter is lower."""
+        """Return the change of the voltages (..., R) per fraction of the emitted power; negative for all receivers."""
         ends = (np.ones_like(power_fraction), np.zeros_like(power_fraction))
         lit, dark = (self.current_mA(end, ambient_mW_cm2, temperature_C) for end in ends)
         line = self.load_line(self.current_mA(power_fraction, ambient_mW_cm2, temperature_C))

@@ -2,7 +2,7 @@
 
 These files contain arrays, some of which share an axis. The most common array length is taken as the length of the
 recording; an array with that many rows gives a channel for each column; single numbers and strings are parameters. An
-array of another length is omitted and named in a note, because its relation to the others is unknown.
+array of another length is omitted and named in a note, because its relation to the channels is unknown.
 
 Public names: `Array` and `recorded`.
 """
@@ -80,7 +80,7 @@ def recorded(
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """Return the only matrix with as many columns as there are names; raise `DataError` if it is not the only one."""
+    """Return the only matrix with as many columns as there are names; raise `DataError` if there is not exactly one."""
     fitting = [array for array in arrays if np.ndim(array.values) == 2 and min(np.shape(array.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)

@@ -3,7 +3,7 @@
 An export begins with two header lines: the trace names in every second cell and, below each name, ``Wavelength
 (nm),%T``. In the rows that follow, each trace has a wavelength and a value until it ends; then come an empty line and
 the program's log of each trace. Traces have separate wavelengths and may share a name; none is dropped or merged. A
-scan has uniform wavelength steps, so one with a jump, a repetition or a gap is rejected as damaged.
+scan has uniform wavelength steps, so a scan with a jump, a repetition or a gap is rejected as damaged.
 
 `is_cary` recognises the header; `read` reads a `Grid`.
 """
@@ -173,13 +173,13 @@ def _traces(grid: Grid, headings: list[tuple[str, str]], body: list[int]) -> lis
             raise grid.error(gap, column, limit, "restore the wavelength; only a value may be empty")
         for row in rows:
             if is_missing(grid.rows[row][column]):
-                raise grid.error(row, column, "this value has no wavelength")
+                raise grid.error(row, column, "is empty, but the next cell contains a value")
         traces.append(_Trace(name, mode, column, rows))
     return traces
 
 
 def _numbers(grid: Grid, trace: _Trace, offset: int, mark: str) -> FloatArray:
-    """Return the wavelengths of a trace, or, with ``odd`` 1, its values."""
+    """Return the wavelengths of a trace if ``offset`` is 0, or its values if ``offset`` is 1."""
     column = trace.column + offset
     return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
 

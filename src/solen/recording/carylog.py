@@ -2,7 +2,7 @@
 
 A block begins with the trace name, on a separate line and repeated on the next; then come lines such as ``Instrument
 Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``. Settings shared by all blocks apply to
-the file, the others to single traces. A file with valid numbers is accepted even if its log cannot be interpreted.
+the file, other settings to single traces. A file with valid numbers is accepted even if its log cannot be interpreted.
 
 `read` returns `Logs`; `range_notes` compares a trace with the range given in its log.
 """

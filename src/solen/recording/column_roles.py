@@ -1,8 +1,8 @@
 """Column roles: find the time, angle, force, depth and receiver columns of a recording.
 
-A column named by an option takes precedence. Otherwise a header decides that names the quantity, contains a matching
-unit or follows the conventions of recorders (``ai0``, ``PD2``), tried in this order; if several columns remain, the
-user must name one.
+A column named by an option takes precedence. Otherwise, the column is found by its header, which names the quantity,
+contains a matching unit or follows the conventions of recorders (``ai0``, ``PD2``), tried in this order. If several
+columns remain, the user must name one of them.
 
 Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """
@@ -23,12 +23,12 @@ _TIMES = frozenset(
     | {"microseconds"}
 )
 NAMED_UNITS = {"ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "microseconds": "us"}
-"""Time names that include their unit."""
+"""Names of time columns that are units, with the unit of each."""
 _ANGLES = frozenset(
     {"theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg"}
 )
 _ANGLE_WORDS = frozenset(["angle", "winkel", "drehwinkel", "rotation", "rot", "theta", "alpha", "angolo"])
-"""Words that mark a longer name as an angle."""
+"""Words that mark a longer name as that of an angle."""
 _FORCES = frozenset({"load cell", "loadcell", "force cell", "force sensor", "kraftsensor", "kraftaufnehmer"})
 _FORCE_WORDS = frozenset({"force", "kraft", "load", "loadcell"})
 _DEPTHS = frozenset(
@@ -46,17 +46,17 @@ _NUMBERED = re.compile(
     r"phototransistor|detector|signal|amplitude)[\s_-]*\d+",
     re.IGNORECASE,
 )
-"""Names that recorders and users give to voltages: ai0, CH1, Voltage_0, PD2."""
+"""Pattern of the names that recorders and users give to voltages: ai0, CH1, Voltage_0, PD2."""
 _NAMES = {"time": _TIMES, "angle": _ANGLES, "force": _FORCES, "depth": _DEPTHS}
 _QUANTITIES = {"depth": {"displacement", "crosshead"}}
-"""Quantities of a header that are accepted for another quantity, in addition to that quantity itself."""
+"""Quantities that a header may name instead of the requested quantity."""
 ENDS_IN_V = re.compile(r"(?:_|\b)V$")
-"""A name that ends in the unit V."""
+"""Pattern of the end of a name in the unit V."""
 _COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
-"""Companion columns of a receiver: uncertainty, subtracted ambient light, and clipping flag."""
+"""Pattern in the names of a receiver's companion columns: uncertainty, subtracted ambient light, clipping flag."""
 _WORD_OR_NUMBER = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 _SIDE_IN_WORD = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
-"""A receiver and its side in one word: VL, PDR, Vleft."""
+"""Pattern of a receiver and its side in one word: VL, PDR, Vleft."""
 _SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
 _SENSOR_AND_RECEIVER = re.compile(r"(.+)[.:/]([^.:/]+)")
 

@@ -84,7 +84,7 @@ def _clock_s(part: re.Match[str]) -> float:
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:
-    """Return whether dates with slashes begin with the month, from a number above 12 or a 12-hour clock; else None."""
+    """Return whether dates with slashes begin with the month; None without a number above 12 or a 12-hour clock."""
     matches = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
     if any(int(match[2]) > 12 for match in matches):
         return True

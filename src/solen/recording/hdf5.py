@@ -109,8 +109,8 @@ def _opened(source: Source) -> Any:
 def _check_length(source: Source, length: int) -> None:
     """Raise `DataError` if the file is longer than its header specifies, because added bytes may change all numbers.
 
-    The seal is not counted, and h5py rejects a file that is too short. Offsets from the HDF5 File Format
-    Specification, versions 0 to 3.
+    ``length`` does not include the seal that solen appends to a file; h5py itself rejects a file that is too short.
+    The offsets are those of the HDF5 File Format Specification, versions 0 to 3.
     """
     start = next(start for start in _STARTS if source.data[start : start + len(_MAGIC)] == _MAGIC)
     version = source.data[start + len(_MAGIC)]

@@ -46,7 +46,7 @@ class Layout:
         Rows of the table.
     after
         Rows of text after the table.
-    again
+    repetitions
         Number of repetitions of the header in the table, as when a logger appends to its file.
     """
 
@@ -92,7 +92,7 @@ def find_layout(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
-    """Return the header row: the first possible one, unless it is that of a parameter list above the table."""
+    """Return the header row: the first possible header row that is not that of a parameter list above the table."""
     searched = range(min(len(filled), _HEADER_ROWS))
     first = next((position for position in searched if _can_head(grid, filled, position)), None)
     while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
@@ -167,7 +167,7 @@ def _split_text_below(grid: Grid, below: list[int]) -> tuple[list[int], list[int
 
 
 def _without_header(grid: Grid, filled: list[int]) -> Layout:
-    """Return the layout of a table whose header is the last comment above it, as numpy writes it, or of a spectrum."""
+    """Return the layout of a table with its header in the last comment above it (numpy), or of a bare spectrum."""
     if not filled:
         raise grid.source.error("", "contains no table", "export it again")
     first = filled[0]
@@ -200,19 +200,20 @@ def _missing_header(grid: Grid, filled: list[int]) -> DataError:
     if len(filled) > 1 and any(head.unit or head.quantity for head in headings):
         above, numbers = grid.address(filled[0]), _numbers(grid, filled[1])
         limit = f"is not a row of numbers, which must follow the header in {above}"
-        remedy = "write plain numbers there, and their unit in the header"
+        remedy = "write plain numbers in this row, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(headings):
             limit = f"has {numbers} numbers, but the header in {above} has {len(headings)} names"
-            remedy = "name each column in the header, or all with --columns (columns= of read)"
+            remedy = "name each column in the header, or all columns with --columns (columns= of read)"
         return grid.error(filled[1], None, limit, remedy)
     limit = "is neither a table header nor a table row"
     return grid.error(filled[0], None, limit, f"{_HEADER} above the numbers")
 
 
 def _with_names(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Return the layout of a table without a header for all columns, which the caller names."""
+    """Return the layout of a table without a complete header, whose columns are named by the caller."""
     if header is not None:
-        raise grid.error(header, None, "is a header, so the columns would be named twice", "omit their names")
+        limit = "is a header, so the columns would be named twice"
+        raise grid.error(header, None, limit, "omit --columns (columns= of read)")
     first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)
     if filled and _numbers(grid, filled[0]):
         first = 0

@@ -153,7 +153,7 @@ class Recording(Result):
                 return channel
         similar = difflib.get_close_matches(name, self.names, 1)
         remedy = f"did you mean {similar[0]}?" if similar else f"name one of {_listed(self.names)}"
-        raise DataError(f"trace {name}", limit=f"not in {self.provenance.file or 'the recording'}", remedy=remedy)
+        raise DataError(f"trace {name}", limit=f"is not in {self.provenance.file or 'the recording'}", remedy=remedy)
 
     def find(self, *names: str) -> Channel | None:
         """Return the first channel whose name or quantity is one of the given names, ignoring case and spaces."""

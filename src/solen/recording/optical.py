@@ -23,7 +23,7 @@ _UNITS = {"%t": "T", "%r": "R", "abs": "A"}
 _ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 _SAME_NM = 0.01  # wavelengths that differ by less are treated as equal
 _MAX_LISTED = 20  # maximum number of names in one line
-_MAX_FRACTION = 2.0  # a median above this is in percent, without its unit
+_MAX_FRACTION = 2.0  # a larger median belongs to values in percent without a unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class OpticalSpectra:
     warnings: tuple[Caution, ...]
 
     def mean(self, kind: str) -> FloatArray:
-        """Return the mean of the repeats for a kind of spectrum, shape (n,)."""
+        """Return the mean of the repeat measurements of a kind of spectrum, shape (n,)."""
         return np.asarray(self.rows[kind].mean(axis=0))
 
 
@@ -109,12 +109,13 @@ def _named(
         for name in names:
             actual = kind_of(recording.channel(name)) or kind
             if name not in by_name or actual != kind:
-                limit = f"is a {actual} trace" if actual != kind else "has no wavelengths"
+                limit = f"is a trace of {actual}" if actual != kind else "has no wavelengths"
                 remedy = f"name it with {OPTIONS[actual]}" if actual != kind else "name another"
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])
         if len(set(names)) < len(names):
-            raise DataError(OPTIONS[kind], limit="names a trace twice", remedy="name a separate trace for each repeat")
+            remedy = "name a separate trace for each repeat measurement"
+            raise DataError(OPTIONS[kind], limit="names a trace twice", remedy=remedy)
     return groups
 
 
@@ -127,7 +128,7 @@ def _by_kind(recording: Recording, available: Sequence[Spectrum]) -> dict[str, l
     for kind, group in groups.items():
         if len(group) > 1:
             names = listed([spectrum.channel.name for spectrum in group])
-            remedy = f"choose with {OPTIONS[kind]} NAME, used several times for repeats of the same spectrum"
+            remedy = f"choose with {OPTIONS[kind]} NAME; repeat this option for repeat measurements of one spectrum"
             raise DataError(file, limit=f"contains {len(group)} {kind} traces: {names}", remedy=remedy)
     if not groups:
         limit = f"contains no transmittance; its columns are {listed(recording.names)}"
@@ -148,7 +149,7 @@ def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
         raise DataError(name, value=f"{nm[0]:g} nm", limit="wavelengths must be greater than 0")
     repeated = np.flatnonzero(np.diff(nm) == 0.0)
     if repeated.size:
-        remedy = "keep one row per wavelength; put repeats into columns"
+        remedy = "keep one row per wavelength, and one column per repeat measurement"
         raise DataError(name, limit=f"has {nm[repeated[0]]:g} nm twice", remedy=remedy)
     return nm, values
 
@@ -160,7 +161,7 @@ def _numbers(kind: str, spectrum: Spectrum) -> FloatArray:
     values = spectrum.ratio()
     median = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     if kind != "A" and median > _MAX_FRACTION:
-        limit, remedy = "is no fraction, which is between 0 and 1", f"write the unit in the header: {channel.name} (%)"
+        limit, remedy = "must be a fraction from 0 to 1", f"if it is in percent, write {channel.name} (%) in the header"
         raise DataError(f"median of trace {channel.name}", value=f"{median:g}", limit=limit, remedy=remedy)
     return values
 

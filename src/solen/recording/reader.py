@@ -34,7 +34,7 @@ _HEADER_ROWS = 200  # number of rows searched for a program's header
 
 @dataclass(frozen=True)
 class Format:
-    """Functions that read files in a format, recognised by content; each returns None for other files.
+    """Functions that read files in a format, recognised by content; each returns None for a file in another format.
 
     Attributes
     ----------
@@ -140,12 +140,12 @@ def _grid(source: Source, sheet: str | None) -> Grid:
     if source.is_archive or source.is_old_workbook:
         return workbook.grid(source, sheet)
     if sheet is not None:
-        raise source.error("", "is not a workbook and has no worksheets", "omit the sheet", sheet)
+        raise source.error("", "is not a workbook and has no worksheets", "do not specify a sheet", sheet)
     return of_text(source)
 
 
 def _tables(grid: Grid, formats: Sequence[Format], columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
-    """Return the recordings in cells; a table of unknown format is read as a plain one."""
+    """Return the recordings in cells; a table of unknown format is read as a plain table."""
     if columns is not None:
         return [("", table.read(grid, find_layout(grid, columns)))]
     if parts := specimens.specimens(grid):
@@ -161,7 +161,7 @@ def _of_table(grid: Grid, layout: Layout) -> Recording:
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
     """Raise `DataError` if options for tables are specified for a file of arrays."""
     if sheet is not None or columns is not None:
-        raise source.error("", "has named columns and no worksheets", "omit sheet and columns")
+        raise source.error("", "has named columns and no worksheets", "specify neither a sheet nor columns")
 
 
 def read_parts(

@@ -30,7 +30,7 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
     """Raise `DataError` at the first wavelength that cannot be part of a scan."""
     outside = np.flatnonzero((waves < RANGE_NM[0]) | (waves > RANGE_NM[1]) | np.isnan(waves))
     if outside.size:
-        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        limit = f"is a wavelength outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g} nm, the range of laboratory instruments"
         raise grid.error(rows[int(outside[0])], column, limit)
     steps = np.diff(waves)
     if not steps.size:
@@ -145,7 +145,7 @@ def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> No
 
 
 def _largest_usual(counts: Counter[int]) -> int:
-    """Return the largest count that is not rare."""
+    """Return the largest number of digits that is not rare."""
     return max((count for count, times in counts.items() if times >= _MIN_COUNT), default=max(counts, default=0))
 
 

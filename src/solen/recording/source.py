@@ -1,7 +1,7 @@
 """The bytes, checksum and text of a file.
 
 Only valid text is accepted. Bytes that no instrument program writes, text that is only partly UTF-8, and control
-characters show that the file is damaged or of another kind; it is rejected with the line.
+characters show that the file is damaged or of another kind; the error names the line.
 
 Public names: `load` and `Source`.
 """

@@ -135,5 +135,5 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
 
 
 def _percent(unit: str, values: FloatArray) -> str:
-    """Return the unit of the values: percent for transmittances and reflectances above 2, whatever the header says."""
+    """Return the unit of the values: percent for transmittances and reflectances above 2, regardless of the header."""
     return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MAX_PERCENT else unit

@@ -33,7 +33,7 @@ _SUMMARY_ROWS = {"mean", "average", "median", "maximum", "minimum", "max", "min"
     *("sd", "std", "s.d", "std dev", "std. dev", "standard deviation", "coefficient of variation", "cv", "c.v"),
     *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
 }
-"""First cells of list rows that are not those of a specimen."""
+"""First cells of the rows of a list that do not describe a specimen."""
 _MIN_ROWS = 2
 
 
@@ -146,9 +146,8 @@ def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
     first = blocks[0]
     for block in blocks[1:]:
         if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
-            raise grid.error(
-                block.header, None, "has different columns from the acquisition above it", "export it alone"
-            )
+            limit = "has different columns from the acquisition above it"
+            raise grid.error(block.header, None, limit, "export each acquisition to a separate file")
     return replace(first, body=[row for block in blocks for row in block.body])
 
 

@@ -140,7 +140,8 @@ def _read(source: Source, name: str, program: Program) -> Recording:
     for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
         text = entries.get(key, neutral)
         if not is_number(text) or parse(text, "," if "," in text else ".") != float(neutral):
-            raise source.error(key, f"is not {neutral}: scaled values are not supported", "export it unscaled", text)
+            limit = f"is not {neutral}: scaled values are not supported"
+            raise source.error(key, limit, "export the spectrum unscaled", text)
     if entries.get("XAxis mode", "Wavelengths") != "Wavelengths":
         limit = f"has the axis {entries['XAxis mode']}, which is not supported"
         raise source.error("", limit, "save it as a function of wavelength")
@@ -171,7 +172,7 @@ def _read(source: Source, name: str, program: Program) -> Recording:
 
 
 def _last_number_note(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Return a note on the last number if the file ends there; otherwise empty."""
+    """Return a note on the last number if the file ends with this number; otherwise an empty string."""
     return (
         truncated_number(_CELL_BREAK.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
     )

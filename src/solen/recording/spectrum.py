@@ -34,7 +34,7 @@ class Spectrum:
     channel: Channel
 
     def ratio(self) -> FloatArray:
-        """Return the values as pure numbers, 0.91 for 91 %; raise `DataError` for another unit or if it is missing."""
+        """Return the values as pure numbers, 0.91 for 91 %; raise `DataError` if the unit is another one or missing."""
         channel = self.channel
         if channel.unit:
             return channel.to("1")

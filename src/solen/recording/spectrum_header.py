@@ -79,7 +79,7 @@ def spectrum_recording(
     ----------
     kind
         Name of the format.
-    metadata, stated
+    metadata, entries
         Header entries as written in the file, and under the labels ``XUNITS`` (default: nm), ``instrument`` and those
         in `CHECKED_LABELS`, which are compared with the first trace.
     x, traces
@@ -94,13 +94,13 @@ def spectrum_recording(
     axis = channels[-1].name
     for name, (_, unit_y, values) in zip(unique([name for name, _, _ in traces]), traces, strict=True):
         quantity, known = _Y.get(_plain(unit_y), ("", ""))
-        note = "" if known else f"its unit {unit_y} is unknown" if unit_y else _UNKNOWN_QUANTITY
+        note = "" if known else f"the unit {unit_y} is unknown" if unit_y else _UNKNOWN_QUANTITY
         channels.append(Channel(name, quantity, known, values, axis=axis, note=note))
     return Recording(tuple(channels), provenance_of(source, kind, metadata, entries.get("instrument", "")))
 
 
 def _axes(unit: str, x: FloatArray) -> list[Channel]:
-    """Return the axis, followed by the wavelengths if it is in wavenumbers."""
+    """Return the axis, followed by the wavelengths if the axis is in wavenumbers."""
     name, known = _X[_plain(unit)]
     note = (
         "wavelengths in vacuum; they are 0.03 % longer than in air because of its refractive index"

@@ -35,7 +35,7 @@ _ASSUMED_NM = (150.0, 50_000.0)
 SIMULATED = re.compile(
     r"((this|the) (table|file|data|recording)s? (is|are|was|were) )?(simulat(ed|ion)|synthetic)\b", re.IGNORECASE
 )
-"""Beginning of a comment that the numbers were computed."""
+"""Pattern of the beginning of a comment which says that the numbers were computed."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def check_rows(grid: Grid, layout: Layout) -> None:
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
             limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: the line is incomplete"
-            raise grid.error(row, None, limit, "restore it, with a separator for each empty cell")
+            raise grid.error(row, None, limit, "restore the line, with a separator for each empty cell")
 
 
 def _begins_another(grid: Grid, layout: Layout, row: int) -> bool:
@@ -135,12 +135,14 @@ def _check_range(grid: Grid, layout: Layout, column: Column) -> None:
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
     outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
     if outside.size:
-        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
-        raise grid.error(layout.body[int(outside[0])], column.index, limit, "correct it, or the unit in the header")
+        limit = f"is a wavelength outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g} nm, the range of laboratory instruments"
+        raise grid.error(
+            layout.body[int(outside[0])], column.index, limit, "correct the value, or the unit in the header"
+        )
 
 
 def _kind(cells: list[str], name: str) -> str:
-    """Return ``number``, ``word``, or ``number and word`` for numbers that label the rows."""
+    """Return the kind of a column: ``number``, ``word``, or, if numbers label the rows, ``number and word``."""
     if all_numbers(cells):
         return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
@@ -275,7 +277,7 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
 
 
 def _in_nm(channel: Channel) -> Channel:
-    """Return a wavelength channel in nm if the file gives no unit and no other is possible."""
+    """Return a wavelength channel in nm if the file gives no unit and no other unit is possible."""
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _ASSUMED_NM[0] or values.max() > _ASSUMED_NM[1]:
         return channel
@@ -284,7 +286,7 @@ def _in_nm(channel: Channel) -> Channel:
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Return spectra without a unit with that of a baseline in the same table, as in manually edited tables."""
+    """Return the channels; spectra without a unit get that of a baseline in the table, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [
         channel for channel in channels if channel.unit == "%" and channel.name.casefold().startswith("baseline")
@@ -295,7 +297,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     if len(kinds) > 1:
         return channels
     quantity, unit = kinds.pop()
-    note = f"no unit is given: that of {baselines[0].name} is assumed"
+    note = f"no unit is given: the unit of {baselines[0].name} is assumed"
     return [
         replace(channel, quantity=quantity, unit=unit, note=note)
         if not channel.unit and not channel.quantity

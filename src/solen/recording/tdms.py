@@ -65,7 +65,7 @@ def _check_segments(data: bytes) -> None:
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:
-    """Return a channel, after its time if it is a waveform; time stamps become seconds since the first of them."""
+    """Return a channel, preceded by the time of a waveform; time stamps become seconds since the first time stamp."""
     values = np.asarray(channel[:])
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":

@@ -63,7 +63,7 @@ def _check_archive(source: Source) -> None:
 
 
 def _sheets(source: Source, requested: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
-    """Return the cells of the requested worksheet, or of all, keyed by worksheet name.
+    """Return the cells of the requested worksheet or, by default, of all worksheets, keyed by worksheet name.
 
     With ``stored``, the value of a formula is its stored result, otherwise its text.
     """

@@ -41,7 +41,7 @@ Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
 """Powers of the thickness that the scatter may follow."""
 MIN_SCATTER_THICKNESS = 0.05
-"""Discs thinner than this fraction of the thickest disc are assumed to scatter like a disc of this thickness."""
+"""Smallest thickness in the scatter model, as a fraction of the thickest disc: thinner discs scatter no less."""
 MAX_OUTLIER_FRACTION = 0.2
 """Maximum fraction of the discs that may be excluded; one disc may always be excluded."""
 DOSE_RANGE_MJ_PER_CM2, MAX_THICKNESS_UM = (1e-6, 1e9), 1e6
@@ -345,7 +345,7 @@ def _columns(discs: tuple[Disc, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
-    """Return weights from the fitted thicknesses; weights from the measured ones would favour discs that are thin."""
+    """Return weights from the fitted thicknesses; weights from measured thicknesses would favour thin discs."""
     weights = np.ones(len(y))
     previous = 0.0
     for _ in range(1 if exponent == 0.0 else _MAX_ITERATIONS):

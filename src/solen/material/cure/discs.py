@@ -28,7 +28,7 @@ MAX_LAYERS = 100_000
 """Maximum number of layers: more than any printer prints, 1 m in layers of 10 µm."""
 PLAUSIBLE_DP_UM = (1.0, 1e4)
 """Range far wider than that of the penetration depths of printable resins; outside it, a unit is probably wrong."""
-_MAX_DP_DIFFERENCE = 0.2  # relative difference of penetration depths from discs and from absorbance, without a warning
+_MAX_DP_DIFFERENCE = 0.2  # largest relative difference of Dp from discs and from absorbance without a warning
 
 
 class CureOptions(RowOptions):

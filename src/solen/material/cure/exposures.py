@@ -39,7 +39,7 @@ _SAMPLES = ("sample", "specimen", "name", "replicate")
 _TIME_IN_NAME = re.compile(r"(?<![a-zA-Z0-9.,])(\d+(?:[.,]\d+)?)\s*(ms|s|sec|sek|seconds|min)(?![a-zA-Z])")
 _SECONDS = {"ms": 1e-3, "min": 60.0}
 _MIN_SAMPLES = 4  # smallest number of samples that causes no warning
-_REMEDY = "name its columns exposure_s, wavelength_nm and T, or its %T traces by their exposures, such as 2 s"
+_REMEDY = "name the columns exposure_s, wavelength_nm and T, or write the exposure in the name of each %T trace (2 s)"
 _MAX_DISTANCE_NM = 10.0  # largest distance of a wavelength from the nearest measured one
 _SIGNIFICANCE = 0.05
 
@@ -246,12 +246,12 @@ def _exposure_in_name(recording: Recording, name: str) -> float:
         if match := _TIME_IN_NAME.search(text):
             return float(match[1].replace(",", ".")) * _SECONDS.get(match[2], 1.0)
     limit = "the name contains no exposure"
-    remedy = "add it to the name, for example 2 s"
+    remedy = "add the exposure to the name, for example 2 s"
     raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy=remedy)
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
-    """Return the samples with one exposure: each trace of T, paired with a trace of R if there are equally many."""
+    """Return one sample per trace of T at one exposure, with a trace of R if T and R have equally many traces."""
     has_pairs = len(reflectances) == len(transmittances)
     samples = []
     for number, transmittance in enumerate(transmittances):
@@ -370,7 +370,7 @@ def _warnings(
         warnings.append(
             warning(
                 f"no index is computed for {', '.join(with_fringes)}, because fringes were detected; "
-                "use solen resin index, which fits them"
+                "use solen resin index, which fits the fringes"
             )
         )
     return warnings

@@ -34,9 +34,9 @@ from solen.spec.strict import Above0, refused
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
 """Depths between which the slope of a working curve is reported: the thinnest layer and the cure depth of the paper."""
 _MAX_ABSORBANCE = 3.0  # absorbance that most instruments can measure
-_MAX_OFFSET_EFFECT = 0.01  # relative change of Dp due to an offset, without a warning
+_MAX_OFFSET_EFFECT = 0.01  # largest relative change of Dp due to an offset that causes no warning
 _MAX_OFFSET_FRACTION = 0.5  # fraction of the absorbance above which an offset may explain all of it
-_MAX_DP_CHANGE = 0.05  # relative change of Dp with depth, without a warning
+_MAX_DP_CHANGE = 0.05  # largest relative change of Dp with depth that causes no warning
 
 
 class PenetrationOptions(RowOptions):

@@ -7,7 +7,7 @@ scatter is estimated from the residuals. The form of n is free only if there are
 Cauchy's three terms exceed the noise.
 
 Fringes have many nearly equivalent solutions, which differ by one order. Solutions with neighbouring orders are tried;
-an alternative solution contributes to the covariance with its probability.
+an alternative solution contributes to the covariance in proportion to its probability.
 
 `fit_film` fits a `Film` to `FilmReadings`.
 """
@@ -28,9 +28,9 @@ from solen.units import NM_PER_UM
 
 _MIN_GAIN = 10.0  # required increase of the log-likelihood for a free index
 _ORDERS, _MAX_ROUNDS = (-1.0, 1.0), 4  # shifts of the order to be tried, and number of rounds
-_MAX_VARIANCE_FACTOR = 1.5  # due to correlated neighbours, at which a free index is accepted
+_MAX_VARIANCE_FACTOR = 1.5  # largest factor with which a free index is accepted
 _FREE_ORDERS, _MAX_REFINED = tuple(np.arange(-6.0, 6.1)), 4  # shifts to be tried with a free index; number refined
-_MAX_CHI2_DIFFERENCE = 12.0  # above which another solution has a negligible probability
+_MAX_CHI2_DIFFERENCE = 12.0  # difference above which another solution is negligible
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,11 +30,11 @@ STEP = 1e-30
 """Complex step for derivatives."""
 _MAX_THICKNESS_SD, _MAX_SLIT_NM = 0.1, 20.0
 _U_BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
-_U_ADDED = 0.01  # the same for each curve of a free index
+_U_ADDED = 0.01  # prior standard deviation of each curve of a free index
 _U_CONTRAST = 0.02  # relative standard uncertainty of the contrast due to causes other than slit and thickness
 _KNOTS = 6
 _INITIAL_U = 1e-3  # assumed uncertainty of readings until their scatter is known
-_MAX_VARIANCE_RATIO = 1.5  # above which the residuals exceed the scatter
+_MAX_VARIANCE_RATIO = 1.5  # ratio above which the residuals exceed the scatter
 _PHASE_SDS = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase to be tried
 _PHASE_HALF_RANGES = np.arange(0.0, 9.0, 0.7)  # half ranges of the phase to be tried
 
@@ -320,9 +320,9 @@ class FilmModel:
         return {kind: reading.value - spectra[kind] for kind, reading in self.blocks.items()}
 
     def has_misfit(self, p: FloatArray, max_factor: float = 1.0) -> bool:
-        """Whether the residuals exceed the scatter of the repeats or, without repeats, are correlated.
+        """Whether the residuals exceed the scatter of the repeat measurements or, if there are none, are correlated.
 
-        ``max_factor`` is the largest `variance_factor` that is attributed to noise if there are no repeats.
+        ``max_factor`` is the largest `variance_factor` that is attributed to noise if there are no repeat measurements.
         """
         scatter = {kind: float(np.mean(reading.u_random**2)) for kind, reading in self.blocks.items()}
         if any(scatter.values()):
@@ -347,7 +347,7 @@ class FilmModel:
         return -0.5 * float(sum(block.size * np.log(np.mean(block**2)) for block in residuals))
 
     def set_scatter(self, p: FloatArray) -> None:
-        """Set the scatter of the readings to that of the residuals, or to that of the repeats if it is larger."""
+        """Set the scatter of the readings to that of the residuals, or of the repeat measurements if that is larger."""
         for kind, residuals in self.block_residuals(p).items():
             df = max(residuals.size - self.size / len(self.blocks), residuals.size / 4.0)
             sd = max(float(np.sqrt(np.sum(residuals**2) / df)), 1e-9)

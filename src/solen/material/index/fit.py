@@ -34,7 +34,7 @@ from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
 _CURVE_STEP_NM = 5.0
-_TOLERANCE = 1e-3  # of the index from A, B, C and that from the inner parameters, relative to u(n)
+_TOLERANCE = 1e-3  # largest difference of n from A, B, C and n from the inner parameters, relative to u(n)
 
 
 class Fit(Result):

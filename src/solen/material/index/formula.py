@@ -58,8 +58,8 @@ def formula_through(
 def smoothed_scatter(n: Estimate) -> FloatArray | None:
     """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked; None if unknown.
 
-    The scatter at a single point, from two or three repeats, is an unsuitable weight: points that agree by chance would
-    dominate a fit.
+    The scatter at a single point, from two or three measurements, is unsuitable as a weight: points that agree by
+    chance would dominate a fit.
     """
     square = n.scatter[n.known] ** 2
     total, position = np.append(0.0, np.cumsum(square)), np.arange(square.size)

@@ -31,7 +31,7 @@ _MIN_DISTANCE_UM = 0.15  # smallest difference of n·h between two interpretatio
 _MAX_PHASES, _MAX_ORDERS = 3, 6.0  # number of interpretations, and largest shift of the order
 _MAX_RISE = 0.1
 _WINDOWS, _MIN_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
-_MIN_AMPLITUDE = 2e-5  # of T; smaller oscillations may be due to rounding or to the subtracted polynomial
+_MIN_AMPLITUDE = 2e-5  # smallest amplitude of T that is not due to rounding or the subtracted polynomial
 
 
 def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:
@@ -136,7 +136,7 @@ def _detrended(values: FloatArray) -> FloatArray:
 def _periodogram(
     um: FloatArray, u: FloatArray, signal: FloatArray, optical_um: tuple[float, float]
 ) -> list[tuple[float, float, float]]:
-    """Return the strongest periods that noise does not explain: log probability minus its limit, n·h, and rise."""
+    """Return log probability minus its limit, n·h, and rise of each of the strongest periods not explained by noise."""
     span = abs(2.0 / um[0] - 2.0 / um[-1])
     optical = np.arange(max(optical_um[0], _MIN_FRINGES / span), optical_um[1], 0.2 / span)
     total, df = float(signal @ signal), (um.size - _DEGREE - 3) / 2.0
@@ -153,7 +153,7 @@ def _periodogram(
 
 
 def _refined(um: FloatArray, u: FloatArray, signal: FloatArray, optical: float, rise: float) -> Phase:
-    """Return the period close to a coarse one whose cosine, with a smoothly varying amplitude, explains most."""
+    """Return the period, close to a coarse one, whose cosine with smoothly varying amplitude fits the signal best."""
     envelope = np.stack([np.ones_like(u), u, u**2])
 
     def explained_and_sign(nh: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +175,7 @@ def _refined(um: FloatArray, u: FloatArray, signal: FloatArray, optical: float, 
 
 
 def _shifted_order(um: FloatArray, u: FloatArray, signal: FloatArray, phase: Phase, shift: float) -> Phase:
-    """Return fringes whose orders are shifted by a number, with phases as similar to the original ones as possible."""
+    """Return fringes with orders shifted by a number, and with phases as similar to the original phases as possible."""
     terms = np.stack([np.ones_like(u), u, u**2])
     change = np.linalg.lstsq(terms.T, shift * um / 2.0, rcond=None)[0]
     return _polished(um, u, signal, phase.optical_um * np.array([1.0, phase.rise, phase.bend]) + change)

@@ -1,6 +1,6 @@
 """Forward model of a layer in air and its inverse with fifty digits, for one wavelength, by the formulas as published.
 
-With fifty digits, rounding errors need no care, and the code is not optimised for speed. `forward` in
+With fifty digits, rounding errors are negligible; the code is not optimised for speed. `forward` in
 `solen.material.index.stack` and `solen.material.index.inversion` are tested against it.
 """
 

@@ -176,7 +176,7 @@ def formula_in(model: Dispersion, light: Illuminant) -> EvaluatedIndex:
 
 
 def _inside(light: Illuminant, low_nm: float, high_nm: float, range_text: str) -> tuple[Illuminant, EvaluatedIndex]:
-    """Return the light within a range, and a result without an index; with a reason if too much light is outside."""
+    """Return the light within a range, and a result without an index, with a reason if too much light is outside."""
     inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
     outside = float(1.0 - light.weight[inside].sum())
     if outside > MAX_OUTSIDE:

@@ -93,7 +93,8 @@ class LayerIndex(Measured, kw_only=True):
     traces
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n
-        Longest wavelength at which all repeats of T have a lossless index, in nm, and the index of each repeat there.
+        Longest wavelength, in nm, at which every repeat measurement of T has a lossless index, and the index from each
+        measurement at this wavelength.
     interference
         Results from the fringes; None if none were detected.
     """
@@ -161,7 +162,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         if repeats_n is None
         else [
             note(
-                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in the order of measurement: "
+                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeat measurements, in chronological order: "
                 f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
             )
         ]
@@ -219,7 +220,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
 def _from_fringes(
     recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
-    """Return the index from the fringes of T and R, if detected or requested; otherwise None for both.
+    """Return the index and results from fringes, or from a joint fit with the bare substrate; None for both otherwise.
 
     Raises
     ------
@@ -228,7 +229,7 @@ def _from_fringes(
     """
     ignores_fringes = options.mode in {"as-published", "absorptance"}
     if ignores_fringes and options.dispersion is not None:
-        raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="omit it")
+        raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="omit --dispersion")
     if ignores_fringes or not {"T", "R"} & spectra.rows.keys():
         return None, None
     thickness = None if options.thickness_um is None else options.thickness
@@ -237,7 +238,7 @@ def _from_fringes(
     phases = fringes_of(nm, {kind: reading.value for kind, reading in readings.items()}, thickness)
     if options.dispersion is not None and not phases:
         limit = "requires fringes, but none were detected"
-        raise SpecError("--dispersion", value=options.dispersion, limit=limit, remedy="omit it")
+        raise SpecError("--dispersion", value=options.dispersion, limit=limit, remedy="omit --dispersion")
     if options.bare_transmittance:
         bare, setup = _bare(recording, spectra, options)
         return index_from_fringes(
@@ -250,17 +251,18 @@ def _from_fringes(
     if options.mode in {"measured", "lossless"}:
         amplitude = np.sqrt(2.0) * phases[0].amplitude
         limit = f"neglects interference, but fringes of ± {amplitude:.2g} were detected"
-        raise DataError("--mode", value=options.mode, limit=limit, remedy="omit it to use the route for fringes")
+        raise DataError("--mode", value=options.mode, limit=limit, remedy="omit --mode to use the route for fringes")
     return index_from_fringes(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
 
 
 def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:
-    """Return T and R of the bare substrate, and a setup with the median of its index from these alone."""
+    """Return T and R of the bare substrate, and a setup with the median of the index computed from this T and R."""
     traces = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
     sheet, nm = optical_spectra(recording, traces), spectra.wavelength_nm
     if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
-        limit = "must have the same wavelengths as those of the layer"
-        raise DataError("traces of the bare substrate", limit=limit, remedy="measure both with the same settings")
+        limit = "must have the same wavelengths as the traces of the layer"
+        remedy = "measure the layer and the bare substrate with the same settings"
+        raise DataError("traces of the bare substrate", limit=limit, remedy=remedy)
     bare = {kind: _reading(sheet, options, kind) for kind in ("T", "R")}
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
@@ -287,7 +289,7 @@ def _by_route(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
         if setup is None:
             raise routes.no_reflectance("T alone,", nm, t)
         limit = "requires a measured R of the layer on its substrate"
-        raise SpecError("--mode", value=mode, limit=limit, remedy="name its trace, or use --mode lossless")
+        raise SpecError("--mode", value=mode, limit=limit, remedy="name the trace of R, or use --mode lossless")
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
         remedy = "name its trace with --absorbance, and add --absorbance-kind absorptance"
         raise SpecError("--mode", value=mode, limit="requires a measured absorptance", remedy=remedy)
@@ -331,18 +333,18 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
 
 def _kind_missing(spectra: OpticalSpectra) -> SpecError:
     limit = f"is required for {spectra.names['A'][0]}"
-    remedy = "specify log10 for −log10 T, as spectrophotometers export; ln; or absorptance, from an integrating sphere"
+    remedy = "specify log10 for −log10 T, ln for −ln T, or absorptance for the fraction of the light that is absorbed"
     return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
 
 
 def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> None:
-    """Raise if there is an A that is not the absorbance of the published formula."""
+    """Raise if A is specified as, or measured to be, anything but −log10 T, the absorbance of the published formula."""
     if options.absorbance_kind not in {None, "log10"}:
         limit = "must be log10 with --mode as-published"
         raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
     if "A" in spectra.rows and not is_absorbance(spectra.mean("A"), t.value):
         limit = "is not −log10 T, which --mode as-published uses as A"
-        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="omit it, or use another mode")
+        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="omit this trace, or use another mode")
 
 
 def _bandwidth_nm(recording: Recording) -> float | None:
@@ -370,7 +372,7 @@ def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | 
 
 
 def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
-    """Return the longest wavelength at which all repeats of T have a lossless index, and their indices there."""
+    """Return the longest wavelength at which every repeat measurement of T has a lossless index, and these indices."""
     n = lossless_index(spectra.rows.get("T", np.empty((0, 0))))
     (known,) = np.nonzero(np.isfinite(n).all(axis=0))
     if len(n) < 2 or not known.size:

@@ -20,7 +20,7 @@ from solen.units import NM_PER_UM
 
 _MAX_ITERATIONS = 50
 _SIGNIFICANCE = 0.01  # p-value below which the scatter exceeds the specified uncertainties
-_SIGNIFICANT_SIGMAS = 2.33  # the same for the correlation of neighbours, in standard deviations
+_SIGNIFICANT_SIGMAS = 2.33  # standard deviations above which a correlation of neighbours is significant
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class LeastSquaresFit:
 
     @property
     def df(self) -> int:
-        """Number of points minus number of parameters."""
+        """Degrees of freedom: number of points minus number of parameters."""
         return int(self.residuals.size - self.inner.size)
 
 
@@ -101,7 +101,7 @@ def solved(form: Form, points: Points) -> LeastSquaresFit:
 
 
 def _improved(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Return parameters with a smaller sum of squares, after a full or shortened Gauss-Newton step, or None."""
+    """Return parameters with a smaller sum of squares, after a full or shorter Gauss-Newton step; None if none."""
     weights = points.weights
     value, slope = form.value(inner)
     residuals = weights * (points.n - value)

@@ -49,7 +49,7 @@ MAX_DISPERSION_RATIO = 2.0
 _EXTRAPOLATED_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _MIN_POINTS = 4  # smallest number of points to which a parabola is fitted
 _MIN_SPAN_NM = 50.0  # smallest wavelength range over which a dispersion is tested
-_TYPICAL_ABBE = 50.0  # of an entry without Abbe number; an error of 10 changes n at 860 nm by 0.002
+_TYPICAL_ABBE = 50.0  # assumed for an entry without one; an error of 10 changes n at 860 nm by 0.002
 
 
 @dataclass(frozen=True)
@@ -310,7 +310,7 @@ def check_index(
 
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
-    """Return n(low) − n(high) of all entries with several wavelengths that include both, in ascending order."""
+    """Return n(low) − n(high), in ascending order, of all entries with several wavelengths whose range has both."""
     curves = [curve_of(material, package=package) for material in materials() if len(material.n) > 1]
     falls = np.array([np.subtract(*curve([low_nm, high_nm])) for curve in curves])
     return np.sort(falls[np.isfinite(falls)])

@@ -70,7 +70,7 @@ class Reason(IntEnum):
 
 
 UNRESOLVED = (Reason.SMALL, Reason.NEGATIVE, Reason.BELOW)
-"""Reasons for which k keeps its uncertainty and an upper bound."""
+"""Reasons for masking k without removing its uncertainty and upper bound."""
 
 
 def n_codes(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, index: AirInversion) -> Codes:
@@ -113,9 +113,10 @@ def k_codes(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArray
 
 
 def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
-    """Return where k may be 0: below three standard uncertainties, or above at no more points than expected by chance.
+    """Return a mask of the points at which k may be 0: k is at most three standard uncertainties.
 
-    If the uncertainty is unknown, k is not tested against it.
+    If no more points exceed this limit than expected by chance, the limit is raised to one that noise exceeds once in a
+    hundred spectra. If the uncertainty is unknown, k is not tested against it.
     """
     with np.errstate(invalid="ignore"):
         small = k <= u_k.bound(THREE_SIGMAS)

@@ -50,7 +50,7 @@ class IndexOptions(RowOptions):
     according to the measured spectra, with fringes detected automatically, but never as-published.
     """
     transmittance: tuple[str, ...] = ()
-    """Name of a trace of T; repeatable, for repeats of one measurement. If one trace is named, name all that are used.
+    """Name of a trace of T; repeatable, for repeat measurements. If one trace is named, name all that are used.
     """
     reflectance: tuple[str, ...] = ()
     """Name of a trace of R; repeatable."""
@@ -124,7 +124,8 @@ class IndexOptions(RowOptions):
         if self.substrate is None:
             for name in ("substrate_thickness_um", "u_substrate_n", "side", "r_baseline"):
                 if getattr(self, name) is not None:
-                    raise refused(name, "describes a layer on a substrate", remedy="add --substrate, or omit it")
+                    remedy = f"add --substrate, or omit --{name.replace('_', '-')}"
+                    raise refused(name, "describes a layer on a substrate", remedy=remedy)
             if self.baseline == "substrate" and self.mode != "as-published":
                 remedy = "add --substrate pet-drawn and --substrate-thickness-um; or measure a peeled layer in air"
                 raise refused("substrate", "is required with --baseline substrate", remedy=remedy)
@@ -135,7 +136,7 @@ class IndexOptions(RowOptions):
             )
             raise refused("baseline", "is required with --substrate", remedy=remedy)
         elif self.substrate_thickness_um is None:
-            remedy = "measure and specify it"
+            remedy = "measure the thickness of the substrate and specify it"
             raise refused("substrate_thickness_um", "is required with --substrate", remedy=remedy)
         elif self.mode in {"absorptance", "as-published"}:
             limit = "does not support a substrate"
@@ -152,10 +153,10 @@ class IndexOptions(RowOptions):
                 raise refused(name, "is missing", remedy="name T and R of both the layer and its bare substrate")
         for name in ("baseline", "substrate_thickness_um"):
             if getattr(self, name) is None:
-                raise refused(name, "is required with traces of the bare substrate", remedy="specify it")
+                raise refused(name, "is required with traces of the bare substrate")
         if self.mode is not None:
             limit = "cannot be combined with traces of the bare substrate"
-            raise refused("mode", limit, value=self.mode, remedy="omit it")
+            raise refused("mode", limit, value=self.mode, remedy="omit --mode")
         return self
 
     def setup(self, wavelength_nm: FloatArray) -> Setup | None:

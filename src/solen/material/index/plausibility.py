@@ -14,7 +14,7 @@ from solen.errors import DataError
 from solen.material.index.inversion import invert
 
 _PLAUSIBLE = (1.2, 2.5)  # range of plausible indices of layers
-_MAX_INDEX = 5.0  # above the index of silicon
+_MAX_INDEX = 5.0  # larger than the index of silicon
 _MAX_FRACTION = 0.0105  # largest T with a header in % that may be a fraction: 1 % with noise
 
 

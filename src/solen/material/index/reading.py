@@ -1,4 +1,4 @@
-"""Spectra with their uncertainty: repeats, specified accuracy, and errors common to all wavelengths.
+"""Spectra with their uncertainty: repeat measurements, specified accuracy, and errors common to all wavelengths.
 
 Two kinds of error have different effects and are treated separately. Scatter from wavelength to wavelength averages out
 over the spectrum of an LED or in a fit; a shift of the entire spectrum, due to a drifting lamp or a photometer that
@@ -142,7 +142,7 @@ class Combined:
 
 
 def reading(repeats: ArrayLike, u_accuracy: ArrayLike | None = None, *, name: str = "the reading") -> Reading:
-    """Return the mean of the repeats of a spectrum, with an uncertainty from their scatter and the accuracy.
+    """Return the mean of repeat measurements of a spectrum, with an uncertainty from their scatter and the accuracy.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _pooled(variance: FloatArray) -> FloatArray:
 
 
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[Caution, ...]]:
-    """Return the mean, the scatter of the rows about their offsets, the standard error of the mean offset, warnings."""
+    """Return the mean, the scatter of the rows about their offsets, the error of the mean offset, and warnings."""
     count, points = rows.shape
     mean = rows.mean(axis=0)
     if points < _MIN_POINTS:
@@ -216,8 +216,8 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
         return mean, scatter, sd / np.sqrt(count), ()
     first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
     text = (
-        f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to "
-        f"{last:.5f}: the repeats are not independent, so the uncertainty of a single repeat is "
+        f"the {count} repeat measurements of {name} drift in one direction, on average from {first:.5f} to "
+        f"{last:.5f}: they are not independent, so the uncertainty of a single measurement is "
         "used, not that of their mean"
     )
     return mean, scatter, sd, (warning(text),)

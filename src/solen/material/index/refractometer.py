@@ -117,7 +117,7 @@ class RefractometerOptions(Options):
     u_temperature_k: NotBelow0 = 0.0
     """Standard uncertainty, in K, of the difference between the temperatures in use and during the measurement."""
     dn_dt_per_k: Finite = DN_DT_PER_K
-    """Temperature coefficient of n per K, which converts this uncertainty to that of n."""
+    """Temperature coefficient of n per K, which converts --u-temperature-k to an uncertainty of n."""
     polymer: tuple[Polymer, ...] = ()
     """A polymer class similar to the material; repeatable; default: acrylate and photoresin."""
     abbe: float | None = None
@@ -219,7 +219,7 @@ class RefractometerIndex(Measured, kw_only=True):
 
 
 def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> RefractometerIndex:
-    """Return the index against wavelength from measured values, with warnings if they disagree with the literature.
+    """Return the index against wavelength from measured values, with warnings if the result contradicts the literature.
 
     Raises
     ------
@@ -303,7 +303,7 @@ def refractometer(
     u_temperature_k
         Standard uncertainty of the difference between the temperatures in use and during the measurement.
     dn_dt_per_k
-        Temperature coefficient that converts this uncertainty to one of n.
+        Temperature coefficient of n, which converts ``u_temperature_k`` to an uncertainty of n.
     prior
         Prior of the dispersion; default: that of acrylates and printing resins.
 
@@ -433,7 +433,7 @@ def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, f
     if df == 0:
         return [
             warning(
-                "n was measured at a single wavelength; at others it is derived from "
+                "n was measured at a single wavelength; at other wavelengths, n is derived from "
                 f"{prior.source}, V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which "
                 f"results in u(n) = {model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} "
                 "at 860 nm"

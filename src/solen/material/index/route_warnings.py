@@ -56,14 +56,14 @@ def input_warnings(read: Mapping[str, Reading]) -> list[Caution]:
         return [
             warning(
                 f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n and "
-                f"k: specify it with {_options(names)}, or provide repeats; near n = 1.5, an error "
+                f"k: specify it with {_options(names)}, or repeat the measurement; near n = 1.5, an error "
                 f"of 0.001 changes n by {' and '.join(changes[name] for name in names)}"
             )
         ]
     without_accuracy = [name for name, reading in read.items() if reading.repeats > 1 and not reading.u_common[1].any()]
     return [
         warning(
-            f"the uncertainty includes only the repeats of {' and '.join(without_accuracy)}, not the instrument's "
+            f"the uncertainty includes only the scatter of {' and '.join(without_accuracy)}, not the instrument's "
             f"accuracy: specify the accuracy with {_options(without_accuracy)}"
         )
     ] * bool(without_accuracy)
@@ -87,7 +87,7 @@ def substrate_warnings(
         warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} changes by {', '.join(changes)}, and {sheet}"))
     if names := [name for name, reading in read.items() if not reading.known]:
         unknown = f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n"
-        warnings.append(warning(f"{unknown}: specify it with {_options(names)}, or provide repeats"))
+        warnings.append(warning(f"{unknown}: specify it with {_options(names)}, or repeat the measurement"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
         warnings.append(

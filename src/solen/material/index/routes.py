@@ -58,7 +58,7 @@ AS_PUBLISHED = do_not_use(
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Natural logarithm of the base of each kind of absorbance."""
-_RELATIVE_TOLERANCE, _TOLERANCE = 0.02, 1e-4  # within which A is −log10 T
+_RELATIVE_TOLERANCE, _TOLERANCE = 0.02, 1e-4  # tolerances for A = −log10 T
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,7 +357,7 @@ def _contributions(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, Arra
 def _k_bounds(
     result: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return 95 % bounds of k; if not resolved, they are 0 and the 95 % quantile of a normal error truncated at 0."""
+    """Return 95 % bounds of k: 0 and the 95 % quantile of a normal error truncated at 0 where k is not resolved."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
         truncated = result - u * ndtri(0.05 * ndtr(result / u))
@@ -370,7 +370,7 @@ def _k_bounds(
 
 
 def _is_indistinct(inverse: SubstrateInversion, n: Combined) -> BoolArray:
-    """Return where the extremum of R or T between the two indices is within three uncertainties of n."""
+    """Whether the extremum of R or T between the two possible indices is within three uncertainties of n."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(inverse.n - inverse.other_n) < 2.0 * n.bound(THREE_SIGMAS))
 

@@ -1,8 +1,9 @@
 """Forward model of spectrophotometer readings on a printed layer, free-standing or on its substrate.
 
 The reflections inside a layer that is much thicker than the coherence length of the light add incoherently, by power.
-Two neighbouring elements of a stack combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of
-them. For a single layer in air, with F the reflectance of a face and τ the transmittance of one pass, the result is
+Two neighbouring elements of a stack combine to one by a geometric series, T = Ta Tb / (1 − Ra' Rb); repeated, this
+combines any number of elements. For a single layer in air, with F the reflectance of a face and τ the transmittance of
+one pass, the result is
 
     T = (1 − F)² τ / (1 − F² τ²),   R = F (1 + τ T)
 
@@ -161,7 +162,7 @@ class Setup:
     baseline, baseline_r
         Reference for 100 % transmittance and reflectance: the bare substrate, or air (for R, a calibrated mirror).
     near
-        Expected index; if two indices fit the readings, the result is the one nearer to it.
+        Expected index; if two indices fit the readings, the result is the index nearer to it.
     """
 
     substrate: Substrate

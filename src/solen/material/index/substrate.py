@@ -29,7 +29,7 @@ MIN_N, MAX_N = 1.0, 3.0
 """Range of the indices that are searched."""
 
 _GRID = np.linspace(MIN_N, MAX_N, 201)[:, None]
-_TOLERANCE = 1e-12  # within which a solution must reproduce the readings
+_TOLERANCE = 1e-12  # largest error with which a solution may reproduce the readings
 _MAX_ITERATIONS = 20
 _SHEET = ("sheet_n", "sheet_k", "sheet_um")
 _KNOWN = (*_SHEET, "thickness_um")  # known inputs with an uncertainty

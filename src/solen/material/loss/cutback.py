@@ -37,14 +37,14 @@ LAYER_UM, U_T = 25.0, 1e-3
 
 @dataclass(frozen=True)
 class Outlier:
-    """A piece that does not fit the others.
+    """A piece that deviates from the line through the other pieces.
 
     Attributes
     ----------
     piece
         The guide at one length.
     deviation_dB
-        Deviation from the line through the others, positive above it.
+        Deviation from that line, positive above the line.
     t
         Deviation in standard errors.
     """
@@ -264,7 +264,7 @@ def cut_back(
 
 
 def _outlier_t(table: Table) -> dict[int, float]:
-    """Return the t of each outlier from lines with separate slopes for the orientations, keyed by its number."""
+    """Return the t of each outlier from lines with separate slopes for the orientations, keyed by piece number."""
     count = len(table.pieces)
     all_points = np.ones(count, bool)
     df = count - table.separate_slopes(all_points).shape[1]
@@ -407,14 +407,14 @@ def _size_warnings(loss: GuideLoss) -> list[Caution]:
         return [
             do_not_use(
                 f"the loss is not resolved ({signal_and_noise}): it is below {upper:.2g} dB/cm with 95 % confidence; "
-                "use longer guides, or more of them"
+                "use longer guides, or more guides"
             )
         ]
     if high - low > loss.loss_dB_per_cm:
         return [
             warning(
                 f"the loss is known only to within a factor of {high / low:.1f} ({signal_and_noise}): "
-                "use longer guides, or more of them"
+                "use longer guides, or more guides"
             )
         ]
     return []

@@ -54,7 +54,7 @@ class Piece:
 def pieces_of(
     length_mm: FloatArray, level_dB: FloatArray, guide: Sequence[str], orientation: Sequence[str]
 ) -> tuple[tuple[Piece, ...], float | None]:
-    """Return the pieces with mean levels, and the standard deviation of readings within pieces (None without repeats).
+    """Return the pieces with mean levels, and the standard deviation of repeated readings of a piece (None if none).
 
     Raises
     ------
@@ -141,7 +141,7 @@ class Table:
         return fitted(design, self.level[keep], effects=effects)
 
     def check_size(self) -> None:
-        """Raise if the pieces determine no slope with an uncertainty."""
+        """Raise `DataError` if the pieces do not determine a slope and its uncertainty."""
         keep = np.ones(len(self.pieces), bool)
         lengths = self.lengths(keep)
         remedy = "measure guides of at least three lengths, several at each length"

@@ -48,9 +48,9 @@ class CutbackOptions(RowOptions):
     unit: str | None = None
     """Unit of the powers, instead of that in the header: mW, µW, V, dBm, dB, %, 1 or relative."""
     dark: Finite | None = None
-    """Reading without light, in that unit. If all readings are below it, light lowers them."""
+    """Reading without light, in the unit of the powers. If all readings are below it, light lowers the readings."""
     launched: Finite | None = None
-    """Power launched into the guides, in that unit; adds the coupling loss to the result."""
+    """Power launched into the guides, in the unit of the powers; adds the coupling loss to the result."""
     wavelength_nm: Wavelength | None = None
     """Wavelength of the light, stored in the result; default: that of the table, if it is the same in all rows."""
     keep_all: bool = False
@@ -182,7 +182,7 @@ def _unit(channel: Channel, option: str | None) -> tuple[str, list[Caution]]:
 
 
 def _labels(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """Return the name of the column that labels the rows, and its cells; None if there is none or it is empty."""
+    """Return the name and the cells of the column that labels the rows; None if this column is missing or empty."""
     cells = recording.label(*names)
     column = [name for name, texts in recording.texts.items() if texts is cells]
     if cells is None and (channel := recording.find(*names)) is not None:
@@ -195,9 +195,7 @@ def _labels(recording: Recording, complete: BoolArray, names: Sequence[str]) -> 
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [
-        note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; the loss per cm does not depend on either")
-    ]
+    return [note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; this does not affect the loss per cm")]
 
 
 def _refuse_rising_voltage(loss: GuideLoss, rows: Readings, dark: float | None) -> None:

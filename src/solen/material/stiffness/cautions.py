@@ -6,7 +6,7 @@ from solen.material.stiffness.hyperelastic import Fit
 from solen.material.stiffness.modes import MODES
 from solen.ranks import Caution, do_not_use, note, warning
 
-_MAX_RMS = 0.1  # relative RMS deviation, without a warning
+_MAX_RMS = 0.1  # largest relative RMS deviation that causes no warning
 
 
 def cautions(fit: Fit) -> list[Caution]:

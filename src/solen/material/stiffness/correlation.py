@@ -23,7 +23,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 _MAX_CORRELATION = 0.995
-_MIN_SINGULAR_VALUE = 1e-10  # relative to the largest; smaller ones are due to rounding
+_MIN_SINGULAR_VALUE = 1e-10  # smaller values, relative to the largest, are due to rounding
 _MAX_CONDITION = 1e14  # condition number above which an inverse has no correct digit
 
 
@@ -138,7 +138,7 @@ def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray
 
 
 def _shifted(columns: FloatArray) -> FloatArray:
-    """Return S times columns: the sum of half of each neighbour."""
+    """Return S times columns: half of the sum of the two neighbours of each point."""
     shifted = np.zeros_like(columns)
     shifted[1:] += columns[:-1] / 2
     shifted[:-1] += columns[1:] / 2
@@ -157,7 +157,7 @@ def _correlated(columns: FloatArray, lag_one: float) -> FloatArray:
 
 
 def _inverse(normal: FloatArray) -> FloatArray | None:
-    """Return the inverse of a normal matrix, scaled for units of different orders; None if it has none."""
+    """Return the inverse of a normal matrix, scaled for units of different orders; None if the matrix is singular."""
     scale = np.sqrt(np.diag(normal))
     if not np.isfinite(normal).all() or (scale == 0).any():
         return None

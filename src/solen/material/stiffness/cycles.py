@@ -49,7 +49,7 @@ class Cycle:
     stress_at_half_MPa
         Stress during loading at half of the first cycle's peak strain; None if the cycle does not reach it.
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
-        Work absorbed and returned per initial volume; the latter is None if no unloading was recorded.
+        Work absorbed and returned per initial volume; the work returned is None if no unloading was recorded.
     residual_strain
         Strain at which a line through the end of the unloading, from 5 to 1 % of the first peak stress, reaches zero
         stress; None if the unloading was not recorded down to 1 %.
@@ -175,7 +175,7 @@ def _cycle(
     unloading: tuple[int, int] | None,
     first: Sequence[Cycle],
 ) -> Cycle:
-    """Return a cycle from magnitudes of strain and stress; ``first`` is empty for the first cycle, else contains it."""
+    """Return a cycle from magnitudes of strain and stress; ``first`` is empty, or contains the first cycle."""
     start, peak = loading
     up = slice(start, peak + 1)
     peak_stress = float(stress[up].max())

@@ -47,8 +47,8 @@ from solen.results import Result, reported
 from solen.spec.strict import Above0, Finite, refused
 
 _MIN_EFFECTIVE_POINTS = 8.0  # below this number, an interval is too narrow
-_MAX_SLOPE_CHANGE = 0.05  # relative change of the slope of an ideal rubber, without a note
-_MAX_LOSS = 0.1  # fraction of the absorbed work that is lost, without a warning
+_MAX_SLOPE_CHANGE = 0.05  # largest relative change of the slope of an ideal rubber that causes no note
+_MAX_LOSS = 0.1  # largest fraction of the absorbed work whose loss causes no warning
 
 
 class StiffnessOptions(RowOptions):

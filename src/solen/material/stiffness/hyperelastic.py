@@ -34,13 +34,13 @@ from solen.results import HIDDEN, reported
 Weighting = Literal["absolute", "relative"]
 MAX_RESIDUAL_INCREASE = 0.02
 """Relative increase of the RMS residual up to which a model with fewer parameters is preferred."""
-_ZERO_STRESS_MPA = 1e-12  # far below any measured stress
+_ZERO_STRESS_MPA = 1e-12  # smaller than any measured stress
 _MIN_STRESS_FRACTION = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _MAX_POWER = 30.0  # bound of |α|
 _MAX_STARTS = 12  # number of starts that are refined
 _MAX_CONVERGED = 3  # number of starts that are refined to convergence
-_MAX_EVALUATIONS = 400  # for each start
+_MAX_EVALUATIONS = 400  # maximum number for each start
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +313,7 @@ def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
-    """Return the parameters of the same sum with its terms in descending order of power, so that it is unique."""
+    """Return the parameters with Ogden's terms in descending order of power, which makes the order unique."""
     moduli, powers = fitted.split(parameters)
     order = np.argsort(-powers)
     return np.concatenate([moduli[order], powers[order]])

@@ -1,8 +1,8 @@
 """Modulus and model of each material from the specimens of mechanical tests.
 
 Every recording contains one specimen, unless a column names several. Specimens with the same label are of the same
-material: its modulus is the mean of theirs, and a single set of model parameters is fitted to all its tests, in all
-modes.
+material: the modulus of the material is the mean over its specimens, and a single set of model parameters is fitted to
+the tests of all of them, in all modes.
 
 `stiffness_of` evaluates `MechanicalTest` recordings and returns a `MeasuredStiffness`.
 """
@@ -76,7 +76,7 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     Attributes
     ----------
     label
-        Label of the material; None without one.
+        Label of the material; None if it has no label.
     strain_range
         Strain range for the modulus of the first specimen, as magnitudes.
     mode
@@ -99,7 +99,7 @@ class MaterialStiffness(MeanModulus, kw_only=True):
 
 
 class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
-    """Stiffness of the tested materials: that of the first and, if there are several, of all.
+    """Stiffness of the first of the tested materials and, if there are several, of all materials.
 
     Attributes
     ----------
@@ -153,7 +153,10 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     )
     warnings = tuple(dict.fromkeys([*notes, *(caution for group in groups for caution in group.warnings)]))
     if len(groups) > 1:
-        text = f"modulus and model apply only to {labels[0]}; groups contains those of all {len(labels)} materials"
+        text = (
+            f"the modulus and the model apply only to {labels[0]}; "
+            f"groups contains the results of all {len(labels)} materials"
+        )
         warnings = (*warnings, note(text))
     sources = {specimen.recording.provenance.sha256: specimen.recording.provenance for specimen in specimens}
     return MeasuredStiffness(
@@ -181,7 +184,7 @@ def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> li
 
 
 def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> EvaluatedSpecimen:
-    """Evaluate a test over a range or, if it contains too few points and is not the user's, over the default range."""
+    """Evaluate a test over a range or, if the user did not choose it and it has too few points, the default range."""
     try:
         return evaluate(test, options, strain_range)
     except DataError:
@@ -275,7 +278,7 @@ def _specimen_warnings(specimens: Sequence[_Specimen]) -> list[Caution]:
 
 
 def _machine_warnings(specimen: _Specimen) -> list[Caution]:
-    """Return a warning if the modulus that the machine exported differs."""
+    """Return a warning if the modulus that the machine exported differs from the computed modulus."""
     for heading, text in specimen.recording.provenance.metadata.items():
         if heading.casefold().strip() not in _MACHINE_MODULUS:
             continue
@@ -283,7 +286,7 @@ def _machine_warnings(specimen: _Specimen) -> list[Caution]:
         if exported and abs(modulus / exported - 1) > 0.01:
             return [
                 warning(
-                    f"{heading} in the file is {exported:.6g} MPa, which differs from this modulus by "
+                    f"{heading} in the file is {exported:.6g} MPa, which differs from the computed modulus by "
                     f"{100 * (exported / modulus - 1):+.1f} %"
                 )
             ]

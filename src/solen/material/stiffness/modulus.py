@@ -45,7 +45,7 @@ class Young:
     modulus_MPa, u_modulus_MPa
         Young's modulus, and its standard uncertainty due to scatter and, if known, dimensions.
     u_scatter_MPa, u_dimensions_MPa
-        The two parts; the latter is None if the uncertainty of the dimensions is unknown.
+        Parts of the uncertainty; the second is None if the uncertainty of the dimensions is unknown.
     interval95_modulus_MPa
         95 % interval, from Student's t with the effective degrees of freedom and a normal distribution for the
         dimensions.
@@ -171,7 +171,7 @@ def extremes(test: StressStrain) -> Extremes:
 
 
 def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[FloatArray, FloatArray]:
-    """Return strain and stress of the points of the loading branch in a range; for both directions, of either sign."""
+    """Return strain and stress of the loading in a range; on both sides of zero for a test in both directions."""
     rows = loading_branch(test, cycle)
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     magnitude = np.abs(strain) if test.loading == "both" else strain

@@ -63,7 +63,7 @@ class Dimensions(Options):
     diameter_mm: Finite | None = Field(None, gt=0.0)
     """Diameter of a round cross-section in mm."""
     u_geometry_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of each of these lengths in mm; their errors are assumed independent."""
+    """Standard uncertainty of each specified length in mm; the errors of the lengths are assumed independent."""
 
     @model_validator(mode="after")
     def _check_section(self) -> Self:
@@ -127,7 +127,7 @@ class Specimen:
 
 @dataclass(frozen=True)
 class _Section:
-    """Area, perimeter, and relative error of the area for an error of 1 mm in each of its lengths."""
+    """Cross-section: area, perimeter, and relative error of the area for an error of 1 mm in each side or diameter."""
 
     area_mm2: float
     perimeter_mm: float
@@ -135,7 +135,7 @@ class _Section:
 
 
 def specimen_of(dimensions: Dimensions, metadata: Mapping[str, str] | None = None) -> Specimen:
-    """Return the specimen with the specified dimensions, completed by those in the metadata of the file.
+    """Return the specimen with the specified dimensions; others are read from the metadata of the file.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def specimen_of(dimensions: Dimensions, metadata: Mapping[str, str] | None = Non
 def bonded_ratio(shape_factor: float) -> float | None:
     """Return the ratio of the apparent to the true Young's modulus of a block with bonded ends.
 
-    None for a pad that is flatter than those of the table.
+    The result is None for a pad that is flatter than all pads in the table.
     """
     if not 0 < shape_factor <= _SHAPE_FACTORS[-1]:
         return None

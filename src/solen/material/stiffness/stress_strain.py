@@ -24,8 +24,8 @@ from solen.results import HIDDEN, reported
 Loading = Literal["tension", "compression", "both"]
 _MIN_POINTS = 5
 _MAX_CURVE_POINTS = 400  # number of points of a curve in a result
-_MIN_REVERSE_FRACTION = 0.05  # of the strain range on the other side of zero, above which a test has both directions
-_STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # smallest change and largest magnitude
+_MIN_REVERSE_FRACTION = 0.05  # fraction of the strain range beyond zero for a test in both directions
+_STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # smallest change and largest magnitude of a test
 _MAX_STRAIN = 20.0  # a larger strain is probably in per cent
 
 
@@ -159,7 +159,7 @@ def as_test(
 
 
 def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return both without missing rows at the end; raise `DataError` for gaps, too few points or no deformation."""
+    """Return both arrays without missing rows at the end; raise `DataError` for gaps, few points or no deformation."""
     if strain.shape != stress.shape or strain.ndim != 1:
         limit = f"must have as many strains as stresses, but their shapes are {strain.shape} and {stress.shape}"
         raise DataError(name, limit=limit)

@@ -30,7 +30,7 @@ from solen.material.stiffness.stress_strain import StressStrain
 
 _STEPS = 40  # number of equal stress steps of the loading branch
 _MAX_TOE_STEPS = 20  # number of these steps that may belong to the toe
-_MAX_INCREASE = 1.05  # factor of the slope from step to step
+_MAX_INCREASE = 1.05  # largest ratio of the slopes of successive steps after the toe
 _MIN_STEP_ROWS = 4
 _MAX_ITERATIONS = 8
 _MIN_SHIFT = 1e-5  # smallest strain by which the zero is shifted
@@ -85,7 +85,7 @@ def measure(mode: Mode, strain: FloatArray) -> FloatArray:
 
 
 def _compensated(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
-    """Return the toe from the line through the first steps after it, by iteration: the measure depends on the zero."""
+    """Return the toe from the line through the steps after it, by iteration, as the measure depends on the zero."""
     shift, u_shift, slope = 0.0, 0.0, 0.0
     end: int | None = None
     for _ in range(_MAX_ITERATIONS):
@@ -122,7 +122,7 @@ def _steps(stress: FloatArray) -> list[slice]:
 
 
 def _end_of_toe(g: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
-    """Return the number of the first step after which the slope hardly increases; None if there is none."""
+    """Return the number of the first step after which the slope hardly increases; None if there is no such step."""
     slopes = [_slope(g[rows], stress[rows]) for rows in steps]
     for number, slope in enumerate(slopes[:-2]):
         limits = (_MAX_INCREASE * slope, _MAX_INCREASE**2 * slope)

@@ -17,7 +17,7 @@ from solen.metrology.image import binned
 LEVELS = (0.5, 0.35, 0.7, 0.25)
 """Thresholds, as fractions of the height of the highest blobs, in the order in which they are applied."""
 HEIGHT_PERCENTILE = 99.5
-"""Percentile that defines that height."""
+"""Percentile that defines the height of the highest blobs."""
 MIN_SNR = 5.0
 """Minimum height of a blob, in standard deviations of the noise."""
 MAX_PIXELS = 600_000

@@ -137,7 +137,7 @@ def fit_disc(
     ----------
     grey
         Shape (rows, columns).
-    place_px
+    centre_px
         Initial centre, (column, row), within about a third of the radius.
     radius_px
         Nominal radius.

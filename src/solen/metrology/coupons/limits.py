@@ -170,7 +170,7 @@ def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
-    """Return the limit for steps of one size, with their mean; its uncertainty is at least that from their scatter."""
+    """Return the limit for steps of one size, with their mean; u of the mean is at least that from the scatter."""
     rises = np.array([step.measured_mm for step in group], dtype=float)
     u_rises = np.array([step.u_measured_mm for step in group], dtype=float)
     count = len(rises)

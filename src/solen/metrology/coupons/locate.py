@@ -1,10 +1,10 @@
 """Location of a coupon in an image or a height map, from the blobs of its features or from its slab.
 
-Two blobs whose sizes and distance match two of the largest features fix the pose of the entire coupon, once as drawn
-and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and the
-best ones are fitted by least squares. The final choice is based on positions, marks, and sizes up to a common offset,
-because print and illumination change all sizes alike. The pose is ambiguous if another pose with different positions
-fits nearly as well.
+Two blobs whose sizes and distance match two of the largest features fix the pose of the entire coupon, once as in the
+layout and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and
+the best hypotheses are fitted by least squares. The final choice is based on positions, marks, and sizes up to a common
+offset, because print and illumination change all sizes alike. The pose is ambiguous if another pose with different
+positions fits nearly as well.
 
 A coupon of blocks is located in a height map by its rectangular slab, and oriented by the blocks' heights.
 """
@@ -214,7 +214,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, max
         Scale of the image.
     what
         Name of the image in errors.
-    most_rise
+    max_rise
         Rise above the surroundings to which higher rises are clipped, so that tall and low features look alike.
 
     Raises
@@ -314,7 +314,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
 
 
 def _covariance(z_mm: FloatArray, coupon: Coupon, pose: Pose) -> float:
-    """Return the covariance of the nominal heights with the heights measured at the centres of the blocks."""
+    """Return the unnormalised covariance of the blocks' nominal heights with the heights measured at their centres."""
     reach = max(1, int(0.2 * min(feature.depth_mm for feature in coupon.features) * pose.px_per_mm))
     heights = [
         float(np.nanmedian(z_mm[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]))

@@ -23,13 +23,13 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 MIN_SNR = 6.0
-"""Ratio of a disc's rise to its uncertainty below which the disc counts as missing."""
+"""Ratio of a disc's rise to its uncertainty below which the disc is treated as missing."""
 MIN_COVERAGE = 0.75
 """Minimum fraction of the edge that is visible."""
 MIN_RISE = 0.25
 """Rise relative to the typical one below which a disc is taken for a stain or a stump."""
 MAX_U_DIAMETER = 0.3
-"""Relative uncertainty of the diameter above which a disc counts as missing."""
+"""Relative uncertainty of the diameter above which a disc is treated as missing."""
 FIRST_BLUR_PX = 2.0
 """Initial blur."""
 EDGE_BLURS = 5.0
@@ -219,7 +219,7 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Return the fits of visible features, the reasons for the others, and the blur of the large ones."""
+        """Return the fits of visible features, the reasons why others have no fit, and the blur of large features."""
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
@@ -365,12 +365,13 @@ def _warnings(
     conditions = (
         (
             scale.u_um_per_px is None,
-            "the uncertainty of the scale is not specified (--u-um-per-px), so those of the sizes do not include it",
+            "the uncertainty of the scale is not specified (--u-um-per-px) and is not included in the uncertainties of "
+            "the sizes",
         ),
         (
             abs(changed) > 100.0 * MAX_SIZE_CHANGE,
-            f"distances between features deviate by {changed:+.1f} %: the print has shrunk or grown, or the scale is "
-            "wrong",
+            f"distances between features deviate from the layout by {changed:+.1f} %: the print has shrunk or grown, "
+            "or the scale is wrong",
         ),
         (
             not location.oriented and bool(coupon.gaps),
@@ -384,7 +385,8 @@ def _warnings(
         (bool(small), f"too small for pixels of {scale.um_per_px:g} µm and this blur: {small}"),
         (
             isinstance(image, HeightMap) and image.u_z_um is None and bool(coupon.steps),
-            "the uncertainty of the height scale is not specified (--u-z-um), so those of the steps do not include it",
+            "the uncertainty of the height scale is not specified (--u-z-um) and is not included in the uncertainties "
+            "of the steps",
         ),
         (
             isinstance(image, Image) and bool(coupon.steps),
