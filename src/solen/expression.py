@@ -47,7 +47,7 @@ class Grammar:
 
     Attributes
     ----------
-    what
+    noun
         Kind of quantity that a name refers to, in one word.
     is_condition
         Whether the expression is a condition; otherwise it is a value.
@@ -55,7 +55,7 @@ class Grammar:
         Function that returns an error from a limit and a remedy, which may be empty.
     check
         Function that raises an error for an unknown name.
-    of_a_name
+    name_functions
         Functions whose argument is a single name.
     """
 

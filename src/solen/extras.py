@@ -24,7 +24,7 @@ class Package:
         Name of the package for pip.
     extra
         The extra of solen that installs it.
-    known_as
+    title
         Name of the package in messages; if empty, that of the distribution.
     """
 

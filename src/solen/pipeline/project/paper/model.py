@@ -27,7 +27,7 @@ class Picture:
         Alternative text, for readers who cannot see the drawing.
     draw
         Function that draws it.
-    look
+    options
         Width, letters and panels.
     mark
         Note on simulated data; empty if they are simulated in the paper, too.
