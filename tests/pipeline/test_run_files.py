@@ -301,7 +301,7 @@ def test_refuses_ambient_light_in_space(design: Path) -> None:
 
 
 def test_refuses_paths_of_rays_in_space(design: Path) -> None:
-    with pytest.raises(SpecError, match="^paths; are supported only in the plane"):
+    with pytest.raises(SpecError, match=r"^paths; are supported only in the plane"):
         trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian"], paths=True)
 
 
