@@ -23,7 +23,7 @@ def table(file: Path, header: str, *columns: ArrayLike) -> Path:
 
 
 def results(folder: Path) -> dict[str, Path]:
-    """Simulate and evaluate measurements of a layer, guides, discs and a cube; return the result files, keyed by name."""
+    """Simulate and evaluate tests of a layer, guides, discs and a cube; return the result files, keyed by name."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
     layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
