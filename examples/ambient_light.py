@@ -1,9 +1,9 @@
 """Rejection of ambient light by subtraction of the dark readings, in dB, for several kinds of ambient light.
 
 A receiver in the circuit of the paper is read 200 times a second with its emitter on and off. Ambient light of
-0.5 mW/cm² rises, flickers, or changes in a step. Its residual in the readings is compared with its effect on the
-voltage: by the standard deviation over 20 s, or for a step by the largest value. The mains frequency is 0.1 % too high,
-so that all phases occur.
+0.5 mW/cm² rises, flickers, or changes in a step. The residual of the ambient light after subtraction is compared with
+its effect on the voltage: by the standard deviation over 20 s, or for a step by the largest value. The mains frequency
+is 0.1 % too high, so that all phases occur.
 """
 
 import numpy as np

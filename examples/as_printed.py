@@ -1,7 +1,7 @@
 """The response of a lens as printed, here simulated with an RMS deviation of 20 µm from its design.
 
 The profile is like one measured in a micrograph: points 4 µm apart, each with an uncertainty of 0.5 µm. It is smoothed
-accordingly, traced, and compared with the designed lens. Outlines drawn at random within this uncertainty give the
+accordingly, traced, and compared with the designed lens. Outlines sampled at random within this uncertainty give the
 uncertainty of the response.
 """
 

@@ -17,13 +17,13 @@ NOISE = np.random.default_rng(5).normal
 
 
 def table(file: Path, header: str, *columns: ArrayLike) -> Path:
-    """Write a file of simulated columns."""
+    """Write columns of simulated values to a file, and return its path."""
     np.savetxt(file, np.array(columns).T, "%.6g", ",", header=f"# simulated\n{header}", comments="")
     return file
 
 
 def results(folder: Path) -> dict[str, Path]:
-    """Evaluate four measurements: a clear layer, n = 1.48 + 0.005 µm²/λ²; guides; cured discs; a compressed cube."""
+    """Simulate and evaluate tests of a layer, guides, discs and a cube; return the result files, keyed by name."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
     layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2

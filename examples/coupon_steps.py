@@ -28,7 +28,7 @@ def height_map_mm() -> np.ndarray:
 
 
 def main() -> dict[str, float | None]:
-    """Return the smallest reproduced step, its measured height, and the next smaller step, with its number of rises."""
+    """Return the smallest reproduced step, its measured height, the next smaller step, and how many of these rise."""
     source = Provenance(file="simulated height map", simulated=True)
     result = measure_coupon(HeightMap(height_map_mm(), Scale(UM_PER_PX), source), group_c())
     (step,) = [limit for limit in result.limits if limit.kind == "z_step"]

@@ -34,7 +34,7 @@ def recorded() -> Study:
 
 
 def hold_force(recording: Study, calibrations: SensorCalibrations) -> tuple[float, float, float]:
-    """Return the force decoded from the hold of the first cycle, with its 95 % band."""
+    """Return the force decoded while the finger is held in the first cycle, with its 95 % band."""
     run = recording.sensors["finger"].runs[0]
     sides = [run.signals.receivers.index(side) for side in ("left", "right")]
     volts = run.signals.volts[slice(*run.motion.holds[1])][:, sides]
@@ -43,7 +43,7 @@ def hold_force(recording: Study, calibrations: SensorCalibrations) -> tuple[floa
 
 
 def main() -> tuple[dict[str, float], Study, SensorCalibrations, tuple[float, float, float]]:
-    """Compare the mounts; record and calibrate the better one, and decode a force."""
+    """Compare the mounts; record and calibrate the sensor with the better mount, and decode a force."""
     contrasts = {name: contrast(face) for name, face in MOUNTS.items()}
     print(*(f"supported {name}: contrast {value:+.3f} at 0.3 N" for name, value in contrasts.items()), sep="\n")
     recording = recorded()

@@ -2,7 +2,7 @@
 
 An 80 µm layer with the dispersion of an acrylate is measured, in this simulation, with a noise of 0.1 % in T and R. The
 last method uses the absorbance that a spectrophotometer exports, −log10(T), as if it were the fraction of light
-absorbed in the layer: its results look like an index, but are wrong.
+absorbed in the layer: the resulting values look like an index, but are wrong.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """A network of guides: the shipped hand with three emitters, switched on in turn, and six receivers, in the plane.
 
-The emitter in the wrist illuminates the middle finger; those in two fingers illuminate the palm, and little of their
-light reaches the thumb and the sides.
+The emitter in the wrist illuminates the middle finger; the emitters in two fingers illuminate the palm, and little of
+their light reaches the thumb and the sides.
 """
 
 from solen.sensor.network import NetworkTrace, network_trace

@@ -1,6 +1,6 @@
 """A scene with a custom outline: a body bounded by a spline, an LED chip of finite width, a dispersive resin.
 
-The chip emits three wavelengths; the drop refracts blue more than red. Rays are drawn from a scrambled Sobol' net, so
+The chip emits three wavelengths; the drop refracts blue more than red. Rays are sampled with a scrambled Sobol' net, so
 the received fraction has a standard error. The scene is written to a file and read back unchanged.
 """
 

@@ -1,7 +1,7 @@
-"""Critical dimensions: the sensitivity of the contrast to four of them, and the angle error that each would cause.
+"""Critical dimensions: the sensitivity of the contrast to four dimensions, and the angle error due to each of them.
 
-A change of the contrast due to a wrong dimension is read as an angle. The derivatives include both changes of the power
-along each path and light that moves from one receiver to the other.
+A change of the contrast due to a wrong dimension is interpreted as a change of the angle. The derivatives include both
+changes of the power along each path and light that moves from one receiver to the other.
 """
 
 from solen.sensor import Sensor

@@ -1,8 +1,8 @@
 """A scene defined in code: a beam through an absorbing slab, with a monitor on each side.
 
-Light is reflected repeatedly between the two faces. The tracer follows both rays of every split, so its sums equal the
-geometric series: T = (1 - R)² τ / (1 - R² τ²) is transmitted and R + R τ T is reflected, where R is the reflectance of
-a face and τ the internal transmittance of a single pass.
+Light is reflected repeatedly between the two faces. The tracer follows both rays of every split, so its powers equal
+the sums of geometric series: the fraction T = (1 - R)² τ / (1 - R² τ²) is transmitted and R + R τ T is reflected, where
+R is the reflectance of a face and τ the internal transmittance of a single pass.
 """
 
 from solen.curve import Segment

@@ -1,6 +1,7 @@
 """A linear response: the lens of the paper, and a free-form lens found by `solen explore optimise`, in space.
 
-The light source is an LED chip 0.03 mm off the axis. The deviation from a straight line is a fraction of the span.
+The light source is an LED chip 0.03 mm off the axis. Linearity is the deviation from a straight line as a fraction of
+the span.
 """
 
 from solen.explore.merits import Merits, merits_of

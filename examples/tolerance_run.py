@@ -1,4 +1,4 @@
-"""A tolerance run: the yield of 128 simulated prints whose emitters are glued slightly off their positions.
+"""A tolerance run: the yield of 128 simulated prints whose emitters are glued slightly off the axis.
 
 A print passes if its null is within 0.2° of zero. The lens magnifies the decentre of the emitter, so a few micrometres
 matter; the variation of the index of the resin has almost no effect.

@@ -1,7 +1,7 @@
 """The index of a resin from two simulated spectra: the transmittance and the reflectance of a printed layer.
 
-Both are read from the same table. The layer is 50 µm thick and nearly clear, so its index is determined by the
-reflectance of its faces, and the uncertainty of the index by those of the spectra.
+Both spectra are read from the same file. The layer is 50 µm thick and nearly clear, so its index is determined by the
+reflectance of its faces, and the uncertainty of the index by the uncertainties of the spectra.
 """
 
 import numpy as np

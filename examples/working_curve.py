@@ -15,7 +15,10 @@ DISCS = FOLDER / "discs-simulated.csv"
 
 
 def main() -> dict[str, float]:
-    """Return results of the curve, of a part of 100 layers with six burn-in layers, and of the statements."""
+    """Return Dp, Ec and a depth from the curve, doses in a part of 100 layers, and the largest Ec the paper allows.
+
+    Six of the layers are burn-in layers.
+    """
     table = read(DISCS)
     dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
     curve = working_curve(dose, table.need("thickness").to("um"))

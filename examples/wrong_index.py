@@ -1,7 +1,7 @@
 """A lens designed for an index of 1.44, printed in a material of 1.484: its focus and the response of the sensor.
 
-Rays near the axis cross it far before the arms, where the light is then spread widely. So the response is less steep
-near the null; at the ends of the motion all light still reaches one side.
+Rays near the axis cross the axis far in front of the arms, so the light is spread widely when it reaches the arms and
+the response is less steep near the null. At the ends of the motion all light still reaches one side.
 """
 
 from typing import NamedTuple
