@@ -1,8 +1,8 @@
 """Settings that `study` detects: the stage log next to a recording, and the command that specifies every setting.
 
 A data acquisition program often records no angle, while the program of the stage writes a log to the same folder: a
-small table of times and angles without voltages. Its alignment with the voltages shows whether both are of the same
-test.
+small table of times and angles without voltages. Whether the log and the recording are of the same test becomes clear
+when the log is aligned with the voltages.
 
 Public names: `find_log`, `explicit` and `command`.
 """

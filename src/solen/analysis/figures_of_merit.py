@@ -273,11 +273,11 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Return figures of the differences, rising minus falling, of all cycles (cycles, g).
+    """Return the figures of hysteresis from the differences, rising minus falling, of all cycles (cycles, g).
 
-    These are the largest absolute mean over a tenth of the range and the midpoint of that tenth, the largest mean at a
-    single grid point, and the mean over all. The largest of many noisy differences at single points is mostly noise;
-    it is therefore reported separately.
+    They are the largest absolute mean over a tenth of the range and the midpoint of that tenth, the largest mean at a
+    single grid point, and the mean over all grid points. The largest of many noisy differences at single points is
+    mostly noise; it is therefore reported separately.
     """
     known = np.isfinite(difference).all(axis=0)
     if not known.any():
@@ -312,7 +312,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
-    """Return the slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
+    """Return the slope of a least-squares line, with its u from the residuals (n − 2 degrees of freedom)."""
     if x.size < _MIN_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     centred = x - x.mean()

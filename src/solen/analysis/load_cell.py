@@ -97,7 +97,7 @@ class LoadCell(Strict):
 
 
 def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """Return the cell with the largest or an unknown uncertainty, or None if a cell is not specified."""
+    """Return a cell of unknown uncertainty, or else that of the largest; None if a cell is not specified."""
     every = list(cells)
     known = [cell for cell in every if cell is not None]
     if not known or len(known) < len(every):

@@ -423,7 +423,7 @@ def _with_complete_ramps(spans: list[_Span], ramps: tuple[Ramp, ...], first: int
 
 
 def _span(distance: FloatArray, start: int, following: int | None, tolerance: float) -> _Span:
-    """Return the samples of a cycle that starts at one sample and is followed by a cycle that starts at another."""
+    """Return the samples of the cycle that begins at ``start``; the next cycle, if any, begins at ``following``."""
     stop = distance.size if following is None else following + 1
     outside = np.flatnonzero(np.abs(distance[start:stop]) > tolerance)
     last = start + int(outside[-1]) + 1 if outside.size else stop - 1

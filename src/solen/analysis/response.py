@@ -68,7 +68,7 @@ class Passes:
 
 
 class Curve(Result):
-    """Mean and standard deviation of half-cycles at each angle (NaN if there are none), and their number."""
+    """Mean and standard deviation of half-cycles at each angle, NaN without any, and the number of half-cycles."""
 
     mean_V: FloatArray
     sd_V: FloatArray

@@ -37,7 +37,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without, and the latter as a percentage of the former."""
+    """Mean swing of a receiver with a lens and without a lens, and the swing without in per cent of that with."""
 
     swing_V: float
     swing_without_lens_V: float

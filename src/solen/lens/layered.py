@@ -40,8 +40,8 @@ class LayeredLens(LensInSpace, eq=True):
     Parameters
     ----------
     layer_mm
-        Height of a layer. Layers start from the face on the build plate, y = half the thickness. There are as many as a
-        printer makes of the body, and the last one extends to the body's other face.
+        Height of a layer. Layers start from the face on the build plate, y = half the thickness. There are as many
+        layers as a printer makes of the body, and the last one extends to the body's other face.
     """
 
     shape_name: ClassVar[str] = "layered"

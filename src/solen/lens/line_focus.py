@@ -164,7 +164,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return float(np.max(y / np.hypot(from_ring, y)))
 
     def _confines(self, y_focus_mm: float) -> bool:
-        """Return whether a surface with another virtual focus exists, and top and bottom confine its light."""
+        """Return whether a surface with this virtual focus exists, and whether top and bottom confine its light."""
         try:
             other = LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
         except DesignError:

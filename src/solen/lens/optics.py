@@ -53,7 +53,7 @@ class OvalLens(CurvedLens, eq=True):
     focus_mm
         s', from the vertex to the focus F2 inside the material.
     half_width_mm
-        Half the lens's width. Beyond `tangency` the oval would be hidden from the emitter; `DesignError` is raised.
+        Half the lens's width; `DesignError` is raised beyond `tangency`, where the oval is hidden from the emitter.
     design_index
         n2, the index for which the oval is computed.
     outside_index

@@ -1,4 +1,4 @@
-"""Finished figures: the letters that each contains, and the record that shows that it need not be made again.
+"""Finished figures: the panels of each figure, and the record that shows that a figure need not be made again.
 
 A figure depends only on solen, which ships with all inputs. The record therefore contains one checksum of all files of
 solen and one of each written file; if all of them still match, the figure is finished.

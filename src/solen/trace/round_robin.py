@@ -149,7 +149,7 @@ class _RoundRobinTracer(Tracer):
     def _treated(
         self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
     ) -> Ray | None:
-        """Treat a surface like the other tracers, but follow all orders of a grating and balance the ledger."""
+        """Treat a surface as in the other tracers, but follow all orders of a grating and balance the ledger."""
         interface = back.last
         if surface.grating is None or interface is None:
             return super()._treated(surface, ray, back, facing, beyond, waiting)

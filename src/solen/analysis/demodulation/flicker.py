@@ -178,7 +178,7 @@ class _Fit:
         return np.asarray(sum(self.wave(time_s, order).real for order in self.orders))
 
     def harmonic(self, time_s: FloatArray, off_samples: _OffSamples, order: int, *, drifts: bool) -> FloatArray:
-        """Return a harmonic of the lamp (n, C), fitted to the entire recording, that varies with its fundamental."""
+        """Return a harmonic (n, C), fitted to the entire recording, that follows the fundamental of the lamp."""
         if not drifts:
             off_samples = rows_of(off_samples, off_samples.settled)
         residual = off_samples.without_means(off_samples.values - self.at(off_samples.time_s))

@@ -1,6 +1,6 @@
 """The traced response of a design for an emitter at any position and of any width, as one table.
 
-The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These are
+The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. They are
 traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The light from a
 chip of any decentre and width is then the difference between two values of this integral. Positions are traced more
 densely where the response is curved. They are measured from the edge, i.e. the position at which the light passes from
@@ -94,7 +94,7 @@ class Table:
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def minus(self, other: "Table") -> "Table":
-        """Return the difference from a table with the same positions and edge that includes these angles."""
+        """Return this table minus another one that has the same positions and edge, and at least the same angles."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.indices(self.angle_deg)])
 
     @cached_property

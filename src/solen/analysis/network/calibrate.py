@@ -203,7 +203,7 @@ def _unseparated(
 ) -> tuple[float, Determination | None]:
     """Return the fraction of states in which motions cannot be separated, and one of these states.
 
-    The states are drawn at random from the ranges, because between the recorded states the slopes are those of the map.
+    Random states within the ranges are used, so that the slopes of the map are also checked between recorded states.
     """
     angle = np.random.default_rng(0).uniform(forward.low, forward.high, (CHECKED_STATES, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)

@@ -218,7 +218,7 @@ def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, o
 
 @compiled
 def on_oval(k: Precision, o: Oval, x: float, z: float) -> bool:
-    """Whether a point of the oval is between the rays from the object focus to the front's ends and faces it."""
+    """Whether a point of the oval is on the front: between its ends as seen from the object focus, and facing it."""
     rx, rz, qx, qz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
     r, q = math.sqrt(rx * rx + rz * rz), math.sqrt(qx * qx + qz * qz)
     right, left = o.rx * rz - o.rz * rx >= -k.end, o.lx * rz - o.lz * rx <= k.end
