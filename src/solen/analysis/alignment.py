@@ -372,7 +372,7 @@ def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Fit a weighted line with n − 2 degrees of freedom; return its uncertainty at x = 0, its slope and its u."""
+    """Fit a weighted line (n − 2 degrees of freedom); return its uncertainty at x = 0, and slope with uncertainty."""
     if x.size < 3:
         return math.nan, 0.0, math.nan
     w = weights / weights.sum()

@@ -62,7 +62,7 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Return the options equivalent to the detected settings, or None if these differ between recordings."""
+    """Return the options equivalent to the detected settings, or None if the settings differ between recordings."""
     if logs:
         distinct = tuple(dict.fromkeys(logs))
         options = options.model_copy(update={"angle_file": distinct if len(distinct) == 1 else tuple(logs)})

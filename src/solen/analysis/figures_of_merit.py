@@ -261,7 +261,7 @@ def _weights(angle_deg: FloatArray) -> FloatArray:
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
-    """Return the largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
+    """Return the largest deviation in V of a curve from the best line for it, and from the least-squares line."""
     finite = np.isfinite(mean)
     x, y = angle_deg[finite], mean[finite]
     if x.size < _MIN_POINTS:
@@ -303,7 +303,7 @@ def _window_means(rows: FloatArray, width: int) -> FloatArray:
 
 
 def _repeatability(volts: FloatArray) -> float:
-    """Return the standard deviation over cycles at the same angle in the same direction, pooled over all of these."""
+    """Return the standard deviation over cycles at the same angle and direction, pooled over angles and directions."""
     if volts.shape[0] < 2:
         return math.nan
     variance = volts.var(axis=0, ddof=1)
@@ -312,7 +312,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
-    """Return the slope of a least-squares line, with its u from the residuals (n − 2 degrees of freedom)."""
+    """Return the slope of a least-squares line with its standard uncertainty (n − 2 degrees of freedom)."""
     if x.size < _MIN_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     centred = x - x.mean()

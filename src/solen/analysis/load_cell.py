@@ -82,7 +82,7 @@ class LoadCell(Strict):
 
     @property
     def u_slope(self) -> float | None:
-        """Relative standard uncertainty of a slope against force; None if that of the sensitivity is not specified.
+        """Relative standard uncertainty of a slope against force; None if the u of the sensitivity is not specified.
 
         A parabolic deviation of height b, i.e. b·4x(1 − x) at a fraction x of the capacity, changes the slope by at
         most 4b/capacity, at the ends of the range.
@@ -97,7 +97,7 @@ class LoadCell(Strict):
 
 
 def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """Return a cell of unknown uncertainty, or else that of the largest; None if a cell is not specified."""
+    """Return the cell with the largest or an unknown uncertainty; None if any cell is not specified."""
     every = list(cells)
     known = [cell for cell in every if cell is not None]
     if not known or len(known) < len(every):

@@ -241,7 +241,7 @@ class _Edges:
 
 
 def _joined(runs: list[tuple[int, int, int]], max_gap: int) -> list[tuple[int, int, int]]:
-    """Merge runs of the same direction with at most this many samples between them."""
+    """Merge runs of the same direction with at most ``max_gap`` samples between them."""
     joined: list[tuple[int, int, int]] = []
     for run in runs:
         if joined and joined[-1][2] == run[2] and run[0] - joined[-1][1] <= max_gap:

@@ -123,7 +123,7 @@ class Study(Result):
 
 
 def voltages_against_angle(recorded: Study) -> Study:
-    """Return a study unchanged; raise `DataError` unless it is of voltages against an angle.
+    """Return a study unchanged; raise `DataError` unless it contains voltages against an angle.
 
     No model can be fitted to a response to a force or depth: it also depends on the modulus, the supports and the
     position and direction of the load, which a single curve cannot determine.

@@ -155,7 +155,7 @@ def pack(
 
 
 class _ArchivePaths:
-    """Paths of files within the archive, including files that designs and rigs among them name."""
+    """Paths of files within the archive, including the files that designs and rigs name."""
 
     def __init__(self, base: Path) -> None:
         self.path_of: dict[Path, PurePosixPath] = {}

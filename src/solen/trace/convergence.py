@@ -111,7 +111,7 @@ def _reference(scene: Scene, mode: Mode, limits: Limits | None, max_rays: int, i
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Yield integrals to decreasing tolerances while these are reached; none for a scene that can only be sampled."""
+    """Yield integrals to decreasing tolerances until one is not reached; none for a scene that can only be sampled."""
     if scene.front is not None:
         return
     for tolerance in (*TOLERANCES, REFERENCE_TOLERANCE):

@@ -169,7 +169,7 @@ class _Tracer:
         return None if wall is None else _arrival(wall, _moved(ray, wall_mm)), wall_mm
 
     def _end(self, ray: Ray, arrival: Arrival | None, wall_mm: float) -> None:
-        """Record a ray that meets no wall, or a wall from another medium than its own."""
+        """Record a ray that meets no wall, or meets a wall from a medium other than its own."""
         if arrival is None:
             lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
             self._record("absorbed" if lossy else "escaped", ray.light)

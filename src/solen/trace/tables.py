@@ -176,7 +176,7 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Return the rows of grating orders; raise `DesignError` if they have more power than the incident light."""
+    """Return the rows of grating orders; raise `DesignError` if the orders have more power than incident light."""
     if surface.grating is None:
         return []
     total = math.fsum(efficiency for _, efficiency in surface.grating.orders)

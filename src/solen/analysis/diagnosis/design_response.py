@@ -29,7 +29,7 @@ STEP_U = 1.0
 """Step of a parameter, relative to its standard uncertainty."""
 LOSS_STEP = 0.01
 MIN_SPREAD_MM2 = 0.02**2
-"""Spread below which the response is interpolated linearly between that of a point and that of this spread."""
+"""Spread below which the response is interpolated linearly between the response of a point and that at this spread."""
 MIN_FRACTION = 1e-9
 
 

@@ -119,7 +119,10 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Return the indices of the right and left receivers, of which one may be missing; raise `DataError` otherwise."""
+    """Return the indices of the right and left receivers, of which one may be missing.
+
+    Raise `DataError` if two receivers are on the same side, or no name shows a side.
+    """
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for index, name in enumerate(receivers):

@@ -128,7 +128,7 @@ class Table:
 
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
-    """Return the angles at which a response is traced: an odd number, so that every second one includes both ends."""
+    """Return the angles at which a response is traced: an odd number, so that every second angle includes both ends."""
     half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MAX_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 

@@ -201,7 +201,7 @@ def _noise(stops: Sequence[States], recordings: Sequence[NetworkReadings]) -> Fl
 def _unseparated(
     motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder
 ) -> tuple[float, Determination | None]:
-    """Return the fraction of states in which motions cannot be separated, and one of these states.
+    """Return the fraction of states in which motions cannot be separated, and an example.
 
     Random states within the ranges are used, so that the slopes of the map are also checked between recorded states.
     """
