@@ -52,6 +52,6 @@ def renamed(file: Path, names: Mapping[str, str]) -> str:
     after = tomllib.loads(text)
     if any(after["sensor"][int(key[7 : key.index("]")])]["design"] != name for key, name in names.items()):
         limit = "contains the names of its designs in a form that cannot be changed"
-        remedy = "pack it from the folder of its design"
+        remedy = "pack from the folder of the design"
         raise DataError(str(file), limit=limit, remedy=remedy)
     return text

@@ -28,7 +28,7 @@ from solen.spec.strict import Options
 
 MAX_METADATA_BYTES = 32 << 20
 MEGABYTE = 1_000_000
-PACK_AGAIN = "ask the sender to pack it again"
+PACK_AGAIN = "ask the sender to pack the archive again"
 
 
 class Limits(Options):
@@ -123,7 +123,7 @@ def _check_path(archive: Path, path: str) -> None:
     if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
         raise DataError(what, value=path, limit="must stay within the folder", remedy="do not trust this archive")
     for part in pure.parts:
-        check_name(what, part, DataError, "ask the sender to rename the file and pack again")
+        check_name(what, part, DataError, "ask the sender to rename the file and pack the archive again")
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:

@@ -226,7 +226,8 @@ class OvalLens(CurvedLens, eq=True):
             "lens.half_width_mm",
             value=self.half_width_mm,
             limit=f"must be below {limit_mm:.3f} mm, where a ray from the emitter is tangent to the oval",
-            remedy=f"reduce it, set lens.focus_mm above {nearest_mm:.2f} or increase emitter.distance_mm",
+            remedy=f"reduce lens.half_width_mm, set lens.focus_mm above {nearest_mm:.2f} or "
+            "increase emitter.distance_mm",
         )
 
 

@@ -251,7 +251,7 @@ def _design(sensor: SensorResponse, specified: Design | None, recorded: Design |
     """Return the design of a sensor; raise `DataError` without a design, or if the motion differs."""
     if specified is None:
         if recorded is None:
-            remedy = "name its design file with --design"
+            remedy = "name the design file of the sensor with --design"
             raise DataError(f"recording of {sensor.label}", limit="contains no design", remedy=remedy)
         return recorded
     for key in ("kind", "pivot", "moves") if recorded is not None else ():
