@@ -1,8 +1,8 @@
 """A measured lens: the designed lens plus the deviation of a measured profile.
 
-Its width, depth and the start of the stem are those of the design, to which the profile is registered. Uncertainties
-come from random outlines: the smoothed profile plus a random curve with the standard deviation of the points,
-correlated over `FittedProfile.correlation_mm`.
+The width, the depth and the start of the stem are those of the design, to which the profile is registered.
+Uncertainties come from random outlines: the smoothed profile plus a random curve with the standard deviation of the
+points, correlated over `FittedProfile.correlation_mm`.
 """
 
 from collections.abc import Callable

@@ -1,11 +1,12 @@
 """The traced response of a design for an emitter at any position and of any width, as one table.
 
-The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. They are
-traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The light from a
-chip of any decentre and width is then the difference between two values of this integral. Positions are traced more
-densely where the response is curved. They are measured from the edge, i.e. the position at which the light passes from
-one receiver to the other; the edge moves with the angle, but the response relative to it changes slowly, so a few
-angles are sufficient. Directional receivers detect less light from each point, as described in `solen.sensor.readings`.
+The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These
+responses are traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The
+light from a chip of any decentre and width is then the difference between two values of this integral. Positions are
+traced more densely where the response is curved. Positions are measured from the edge, i.e. the position at which the
+light passes from one receiver to the other; the edge moves with the angle, but the response relative to the edge
+changes slowly, so a few angles are sufficient. Directional receivers detect less light from each point, as described in
+`solen.sensor.readings`.
 
 Public names: `Table` and `angles_deg`.
 """

@@ -303,7 +303,8 @@ def misses_above_or_below(f: Face, at: Vector, d: Vector, distance: float) -> bo
 def past_lens(f: FaceInMedia, walk: Walk) -> Walk:
     """Advance a ray that misses the face to a point just beside the body, with y limited to the slab.
 
-    Behind the plane of the base, the walls begin only behind a deeper face, so the ray is placed farther from them.
+    If the face is deeper than the plane of the base, the walls begin only behind the face. A ray behind this plane is
+    therefore placed farther from the walls.
     """
     face, at, d = f.face, walk.at, walk.beam.d
     if not d.z > 0.0 or d.x == 0.0:

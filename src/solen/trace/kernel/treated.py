@@ -244,7 +244,7 @@ def tabulated_offset(tables: Tables, t: Treatment, fraction: float, in_space: bo
 def tabulated(tables: Tables, t: Treatment, from_right: bool, cos: float, no_transmission: bool) -> Amplitudes:
     """Power fractions at an angle of incidence, linearly interpolated; without transmission all light is reflected.
 
-    A table contains no phases: reflected fields get those of a perfect mirror, and transmitted fields none.
+    A table contains no phases: reflected fields get the phases of a perfect mirror, transmitted fields get no phase.
     """
     low = int(t.first_row + t.rows) if from_right and t.rows_right > 0.0 else int(t.first_row)
     high = low + int(t.rows_right if from_right and t.rows_right > 0.0 else t.rows) - 1
