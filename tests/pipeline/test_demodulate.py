@@ -146,7 +146,7 @@ def test_warns_of_missing_slots(tmp_path: Path) -> None:
         ({"state": "lid"}, "", DataError, "did you mean led"),
         ({"time": "tine"}, "", DataError, "tine"),
         ({"channel": ("rihgt",)}, "", DataError, "did you mean right"),
-        ({}, "time_s,right (V),other", SpecError, "no state column, and no switching rate"),
+        ({}, "time_s,right (V),other", SpecError, "as the emitter state, and no switching rate"),
         ({}, "moment,right (V),led", DataError, "has no column time"),
     ],
 )

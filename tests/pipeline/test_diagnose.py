@@ -134,7 +134,7 @@ def test_prior_uncertainty_widens_the_intervals(tmp_path: Path, design: Path) ->
 
 def test_refuses_invalid_options(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", LitSensor(noise_V=2e-3))
-    with pytest.raises(DataError, match="contains no design; name its design file with --design"):
+    with pytest.raises(DataError, match="contains no design; name the design file of the sensor with --design"):
         diagnose(path)
     with pytest.raises(SpecError, match="no sensor has this name; choose from S1"):
         diagnose(path, design=design, sensor=("S9",))

@@ -182,13 +182,13 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Return the standard uncertainty of the shift at the midpoint, the slope, and its standard uncertainty."""
+        """Fit a line; return the standard uncertainty at the midpoint, and the slope with its standard uncertainty."""
         return _line(self.time_s - middle_s, self.shift, self.weight)
 
 
 @dataclass(frozen=True, eq=False)
 class _Overlay:
-    """A recording and a log: sample times, voltages and averaging time; log times, logged angle and its motion."""
+    """Times, voltages and averaging time of a recording; times, angles and motion of a log."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -211,7 +211,7 @@ class _Overlay:
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Return the best-fitting shift of each cycle, in addition to the clock's shift."""
+        """Return the shift of each cycle that remains when the log's clock is corrected by this lag and rate."""
         motion, log_s = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(log_s), self._speed(log_s)
         reach = motion.high_deg - motion.low_deg
@@ -372,7 +372,7 @@ def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Return the uncertainty of a weighted straight line (n − 2) at x = 0, its slope, and the slope's uncertainty."""
+    """Fit a weighted line (n − 2 degrees of freedom); return its uncertainty at x = 0, and slope with uncertainty."""
     if x.size < 3:
         return math.nan, 0.0, math.nan
     w = weights / weights.sum()

@@ -1,8 +1,8 @@
 """Settings that `study` detects: the stage log next to a recording, and the command that specifies every setting.
 
 A data acquisition program often records no angle, while the program of the stage writes a log to the same folder: a
-small table of times and angles without voltages. Its alignment with the voltages shows whether both are of the same
-test.
+small table of times and angles without voltages. Whether the log and the recording are of the same test becomes clear
+when the log is aligned with the voltages.
 
 Public names: `find_log`, `explicit` and `command`.
 """
@@ -62,7 +62,7 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Return the options equivalent to the detected settings, or None if these differ between recordings."""
+    """Return the options equivalent to the detected settings, or None if the settings differ between recordings."""
     if logs:
         distinct = tuple(dict.fromkeys(logs))
         options = options.model_copy(update={"angle_file": distinct if len(distinct) == 1 else tuple(logs)})

@@ -149,7 +149,7 @@ def _column(recording: Recording, name: str, named: str | None, volts: Channel |
 
 
 def _is_recorded(recording: Recording, name: str, named: dict[str, str]) -> bool:
-    """Return whether a recording contains a quantity, even if several columns could be the one."""
+    """Return whether a recording contains a quantity, even if several columns could contain it."""
     if name in named:
         return True
     try:

@@ -261,7 +261,7 @@ def _weights(angle_deg: FloatArray) -> FloatArray:
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
-    """Return the largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
+    """Return the largest deviation in V of a curve from the best line for it, and from the least-squares line."""
     finite = np.isfinite(mean)
     x, y = angle_deg[finite], mean[finite]
     if x.size < _MIN_POINTS:
@@ -273,11 +273,11 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Return figures of the differences, rising minus falling, of all cycles (cycles, g).
+    """Return the figures of hysteresis from the differences, rising minus falling, of all cycles (cycles, g).
 
-    These are the largest absolute mean over a tenth of the range and the midpoint of that tenth, the largest mean at a
-    single grid point, and the mean over all. The largest of many noisy differences at single points is mostly noise;
-    it is therefore reported separately.
+    They are the largest absolute mean over a tenth of the range and the midpoint of that tenth, the largest mean at a
+    single grid point, and the mean over all grid points. The largest of many noisy differences at single points is
+    mostly noise; it is therefore reported separately.
     """
     known = np.isfinite(difference).all(axis=0)
     if not known.any():
@@ -303,7 +303,7 @@ def _window_means(rows: FloatArray, width: int) -> FloatArray:
 
 
 def _repeatability(volts: FloatArray) -> float:
-    """Return the standard deviation over cycles at the same angle in the same direction, pooled over all of these."""
+    """Return the standard deviation over cycles at the same angle and direction, pooled over angles and directions."""
     if volts.shape[0] < 2:
         return math.nan
     variance = volts.var(axis=0, ddof=1)
@@ -312,7 +312,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
-    """Return the slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
+    """Return the slope of a least-squares line with its standard uncertainty (n − 2 degrees of freedom)."""
     if x.size < _MIN_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     centred = x - x.mean()

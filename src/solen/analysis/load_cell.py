@@ -1,9 +1,9 @@
 """A load cell, which converts volts to newtons, with the errors specified by its manufacturer or a calibration.
 
-The same factor applies over the entire range. All readings share two errors: that of this factor, and the
+The same factor applies over the entire range. All readings share two errors: the error of this factor, and the
 non-linearity. Because these errors affect an entire calibration, they are not visible in the scatter of the readings;
-the uncertainties of a sensitivity and of a decoded force include both. If forces are compared with readings of the same
-cell, the common errors cancel and are not included.
+the uncertainties of a sensitivity and of a decoded force include both errors. If forces are compared with readings of
+the same cell, the common errors cancel and are not included.
 
 Public names: `LoadCell`, `load_cell_of` and `least_certain`.
 """
@@ -82,7 +82,7 @@ class LoadCell(Strict):
 
     @property
     def u_slope(self) -> float | None:
-        """Relative standard uncertainty of a slope against force; None if that of the sensitivity is not specified.
+        """Relative standard uncertainty of a slope against force; None if the sensitivity has no specified u.
 
         A parabolic deviation of height b, i.e. b·4x(1 − x) at a fraction x of the capacity, changes the slope by at
         most 4b/capacity, at the ends of the range.
@@ -97,7 +97,7 @@ class LoadCell(Strict):
 
 
 def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """Return the cell with the largest or an unknown uncertainty, or None if a cell is not specified."""
+    """Return the cell with the largest or an unknown uncertainty; None if any cell is not specified."""
     every = list(cells)
     known = [cell for cell in every if cell is not None]
     if not known or len(known) < len(every):

@@ -129,7 +129,7 @@ def _fitted_line(log_s: FloatArray, log_deg: FloatArray, entries: IndexArray) ->
 def _corner(
     log_s: FloatArray, log_deg: FloatArray, before: _Line | None, after: _Line | None, tolerance: float
 ) -> tuple[float, float, int, int] | None:
-    """Return the intersection of two lines, and the nearest entries on both sides that are on their line."""
+    """Return the intersection of two lines, and on either side the nearest entry that is on the line of that side."""
     if before is None or after is None or before[2] == after[2]:
         return None
     (t0, a0, v0), (t1, a1, v1) = before, after

@@ -241,7 +241,7 @@ class _Edges:
 
 
 def _joined(runs: list[tuple[int, int, int]], max_gap: int) -> list[tuple[int, int, int]]:
-    """Merge runs of the same direction with at most this many samples between them."""
+    """Merge runs of the same direction with at most ``max_gap`` samples between them."""
     joined: list[tuple[int, int, int]] = []
     for run in runs:
         if joined and joined[-1][2] == run[2] and run[0] - joined[-1][1] <= max_gap:
@@ -423,7 +423,7 @@ def _with_complete_ramps(spans: list[_Span], ramps: tuple[Ramp, ...], first: int
 
 
 def _span(distance: FloatArray, start: int, following: int | None, tolerance: float) -> _Span:
-    """Return the samples of a cycle that starts at one sample and is followed by a cycle that starts at another."""
+    """Return the samples of the cycle that begins at ``start``; the next cycle, if any, begins at ``following``."""
     stop = distance.size if following is None else following + 1
     outside = np.flatnonzero(np.abs(distance[start:stop]) > tolerance)
     last = start + int(outside[-1]) + 1 if outside.size else stop - 1

@@ -166,7 +166,7 @@ def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V
 def sign_warnings(
     receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
 ) -> list[Caution]:
-    """Return a warning if a rising angle does not, by convention, darken the right and brighten the left receiver."""
+    """Return a warning unless a rising angle darkens the right and brightens the left receiver (the convention)."""
     if sides is None:
         return []
     names = [list(receivers)[side] for side in sides]

@@ -68,7 +68,7 @@ class Passes:
 
 
 class Curve(Result):
-    """Mean and standard deviation of half-cycles at each angle (NaN if there are none), and their number."""
+    """Mean and standard deviation of half-cycles at each angle, NaN without any, and the number of half-cycles."""
 
     mean_V: FloatArray
     sd_V: FloatArray
@@ -188,7 +188,7 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
 
 
 def _extrapolated(angles: FloatArray, values: FloatArray, outside_deg: FloatArray, step: float) -> FloatArray:
-    """Return the changes (g, receivers) from the first or last sample to points at signed distances outside them."""
+    """Return the changes (g, receivers) from the first or last sample to points at signed distances beyond it."""
     change = np.zeros((outside_deg.size, values.shape[1]))
     ends = ((outside_deg < 0.0, angles <= angles[0] + step), (outside_deg > 0.0, angles >= angles[-1] - step))
     for outside, near in ends:

@@ -269,7 +269,7 @@ def _cycle_scatters(run: Run) -> list[Scatter]:
 
 
 def _timing(runs: Sequence[Run], passes: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
-    """Return the timing of all recordings from cycles at every speed, with the largest of their bounds."""
+    """Return the timing of all recordings from cycles at every speed, with the largest bound."""
     speeds, bounds = [], []
     for run in runs:
         signals = run.signals

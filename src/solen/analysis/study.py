@@ -37,7 +37,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without, and the latter as a percentage of the former."""
+    """Mean swing of a receiver with a lens and without a lens, and the swing without in per cent of that with."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -123,7 +123,7 @@ class Study(Result):
 
 
 def voltages_against_angle(recorded: Study) -> Study:
-    """Return a study unchanged; raise `DataError` unless it is of voltages against an angle.
+    """Return a study unchanged; raise `DataError` unless it contains voltages against an angle.
 
     No model can be fitted to a response to a force or depth: it also depends on the modulus, the supports and the
     position and direction of the load, which a single curve cannot determine.

@@ -17,7 +17,7 @@ from solen.ranks import Caution, warning
 
 MAX_GAP_STEPS = 5.0
 """A step longer than this many times the median step is a gap."""
-_MAX_BACK_STEPS, _MAX_BACK_FRACTION = 10.0, 0.01  # most of a jump back, and of the samples after one, that are sorted
+_MAX_BACK_STEPS, _MAX_BACK_FRACTION = 10.0, 0.01  # largest jump back, and fraction of such samples, that are sorted
 _MIN_SAMPLES = 16
 
 

@@ -3,9 +3,9 @@
 If a reading was taken slightly before or after its angle, rising and falling curves differ, as with hysteresis. At a
 speed v, a delay τ of the voltages causes a difference of −2 v τ f'(θ), where f' is the slope of the response, whereas
 hysteresis of the sensor causes the same difference H(θ) at any speed. With a single speed, the two cannot be separated;
-the timing uncertainty of the recording then gives an upper limit of the former. With two speeds, they can: the
-difference in each cycle, projected on f', is a straight line over speed with slope −2τ. The delay found in this way,
-called lag, may also be due to the material.
+the timing uncertainty of the recording then gives an upper limit of the delay. With two speeds, they can be separated:
+the difference in each cycle, projected on f', is a straight line over speed with slope −2τ. The delay found in this
+way, called lag, may also be due to the material.
 
 Public names: `timing_of` and `Timing`.
 """
@@ -159,7 +159,7 @@ def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, m
 
 
 def same_speed(speeds: FloatArray, speed: float) -> BoolArray:
-    """Return whether each speed is close enough to another one not to be an intended second speed."""
+    """Return whether each speed is so close to ``speed`` that it is not an intended second speed."""
     return np.asarray((speeds <= _MIN_INTENDED * speed) & (speed <= _MIN_INTENDED * speeds))
 
 

@@ -48,7 +48,7 @@ class Item(Result):
     size_bytes, sha256
         Size and checksum of the file.
     media_type
-        Media type: ``text/csv``.
+        Media type, such as ``text/csv``.
     quantities
         Units of the columns of a recording, keyed by column; empty if the file contains none.
     simulated

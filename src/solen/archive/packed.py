@@ -113,12 +113,12 @@ def pack(
         The design file. Files named by this design, or by any other design or rig in the archive, are added; a file
         from outside the design folder is put into the folder ``files``, and the design then names it there.
     further
-        Files, and folders with all their files except hidden ones: print settings, images, recordings, calibrations,
+        Files, and folders with all their files except hidden files: print settings, images, recordings, calibrations,
         figures.
     options
         Authors, licence, title and description.
     exclude
-        A file in one of the folders that is not packed: the archive itself.
+        A file that is not packed even if it is in one of the folders: the archive itself.
     progress
         Called with the completed fraction, up to 1.
 
@@ -155,7 +155,7 @@ def pack(
 
 
 class _ArchivePaths:
-    """Paths of files within the archive, including files that designs and rigs among them name."""
+    """Paths of files within the archive, including the files that designs and rigs name."""
 
     def __init__(self, base: Path) -> None:
         self.path_of: dict[Path, PurePosixPath] = {}

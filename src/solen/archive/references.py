@@ -22,7 +22,7 @@ class Reference(NamedTuple):
 
 
 def references(file: Path) -> dict[str, Reference]:
-    """Return the files that a design or rig names, keyed by key; none for any other file."""
+    """Return the files that a design or rig names, keyed by TOML key; none for any other file."""
     if file.suffix.lower() != ".toml":
         return {}
     try:
@@ -41,7 +41,7 @@ def references(file: Path) -> dict[str, Reference]:
 
 
 def renamed(file: Path, names: Mapping[str, str]) -> str:
-    """Return the text of a design or rig with other file names, given by key; comments are kept."""
+    """Return the text of a design or rig with new file ``names``, keyed by TOML key; comments are kept."""
     text = read_text(file, SpecError)
     if not next(iter(names)).startswith("sensor["):
         return edited(text, names, what=str(file), folder=file.parent)
@@ -52,6 +52,6 @@ def renamed(file: Path, names: Mapping[str, str]) -> str:
     after = tomllib.loads(text)
     if any(after["sensor"][int(key[7 : key.index("]")])]["design"] != name for key, name in names.items()):
         limit = "contains the names of its designs in a form that cannot be changed"
-        remedy = "pack it from the folder of its design"
+        remedy = "pack from the folder of the design"
         raise DataError(str(file), limit=limit, remedy=remedy)
     return text

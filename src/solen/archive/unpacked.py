@@ -1,8 +1,8 @@
 """Open a received archive, which is not trusted until it has been checked.
 
-An archive is rejected, before the new folder is created, if it contains paths that leave the folder, links, names that
-are not valid on every system, more bytes than listed or allowed, missing, changed or unlisted files, or designs that
-name files outside the folder.
+An archive is rejected, before the new folder is created, if it contains paths that leave the folder, symbolic links,
+names that are not valid on every system, more bytes than listed or allowed, missing, changed or unlisted files, or
+designs that name files outside the folder.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from solen.spec.strict import Options
 
 MAX_METADATA_BYTES = 32 << 20
 MEGABYTE = 1_000_000
-PACK_AGAIN = "ask the sender to pack it again"
+PACK_AGAIN = "ask the sender to pack the archive again"
 
 
 class Limits(Options):
@@ -123,7 +123,7 @@ def _check_path(archive: Path, path: str) -> None:
     if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
         raise DataError(what, value=path, limit="must stay within the folder", remedy="do not trust this archive")
     for part in pure.parts:
-        check_name(what, part, DataError, "ask the sender to rename it and pack it again")
+        check_name(what, part, DataError, "ask the sender to rename the file and pack the archive again")
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:
@@ -173,7 +173,7 @@ class _Source:
 
 @contextmanager
 def _source(archive: Path) -> Iterator[_Source]:
-    """Yield the files of a folder or zip file; raise `DataError` if it is damaged, encrypted or contains links."""
+    """Yield the files of a folder or zip file; raise `DataError` for damage, encryption and symbolic links."""
     if archive.is_dir():
         yield _Source(archive, tuple(_names(archive)), lambda name: (archive / name).open("rb"))
         return
@@ -184,7 +184,7 @@ def _source(archive: Path) -> Iterator[_Source]:
             entries = [entry for entry in zip_file.infolist() if not entry.is_dir()]
             for entry in entries:
                 limit = "is encrypted" if entry.flag_bits & 1 else ""
-                limit = "is a link" if stat.S_ISLNK(entry.external_attr >> 16) else limit
+                limit = "is a symbolic link" if stat.S_ISLNK(entry.external_attr >> 16) else limit
                 if limit:
                     raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=PACK_AGAIN)
             yield _Source(archive, tuple(entry.filename for entry in entries), zip_file.open)
@@ -200,6 +200,6 @@ def _names(folder: Path) -> Iterator[str]:
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
         if file.is_symlink():
-            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace the link with the file")
+            raise DataError(f"{folder}: {name}", limit="is a symbolic link", remedy="replace it with the file")
         if not file.is_dir():
             yield name

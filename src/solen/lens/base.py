@@ -21,8 +21,8 @@ from solen.plane import Point, dot, unit
 from solen.results import Result, reported
 
 SPOT_RAYS = 1024
-"""Number of rays used to find the smallest spot; twice as many change that of an oval by less than 2e-5 of its
-value.
+"""Number of rays used to find the smallest spot; with twice as many rays, the spot of an oval changes by less than 2e-5
+of its value.
 """
 CURVE_TOLERANCE_MM = 1e-6
 """Maximum deviation of the traced curve from a deviating profile: 1 nm."""
@@ -109,7 +109,7 @@ class CurvedLens(CurvedSizes, Lens):
         return math.degrees(math.acos(dot(ray, unit((-slope, 1.0)))))
 
     def best_spot(self, index: float) -> Spot | None:
-        """Return the smallest spot of the emitter's light in a material of ``index``; None if not behind the vertex.
+        """Return the smallest spot of the emitter's light in a material; None if the spot is not behind the vertex.
 
         Rays start from the emitter at `SPOT_RAYS` angles, uniformly spaced over the acceptance. A ray is x = a + t z,
         so the variance of x is smallest at z = −cov(a, t) / var(t).

@@ -28,8 +28,8 @@ def lens_of(design: Design, index: float) -> Lens:
     """Return the lens of a design in a material of ``index`` (at the emitter's wavelength).
 
     The oval is shaped for ``lens.design_index`` if specified, else for the material's index; a spline deviates from the
-    oval, and a measured lens combines its profile with either of them. Raise `DesignError` if the lens cannot work, and
-    `DataError` if its file is not a profile.
+    oval, and a measured lens combines its profile with an oval or a spline. Raise `DesignError` if the lens cannot
+    work, and `DataError` if its file is not a profile.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":

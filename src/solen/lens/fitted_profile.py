@@ -241,8 +241,8 @@ class FittedProfile(Result, eq=True):
         low, high = self.reach_mm
         return (
             f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} "
-            "mm; outside it, the designed lens with the deviation of the last points is assumed, "
-            f"on which {self.unmeasured_acceptance:.0%} of the accepted angles are incident"
+            "mm; outside this range, the designed lens with the deviation of the last points is assumed, "
+            f"on which rays at {self.unmeasured_acceptance:.0%} of the accepted angles are incident"
         )
 
     def _scatter_warning(self) -> str:

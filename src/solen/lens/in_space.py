@@ -132,7 +132,7 @@ class LensInSpace(OvalLens, eq=True):
         if missing.any():
             limit = (
                 f"the emitter's light must be incident on a face of ±{self.half_width_mm:g} by "
-                f"±{self.half_height_mm:g} mm, but there is none beyond |x| = {x[missing].min():.3f} mm and "
+                f"±{self.half_height_mm:g} mm, but there is no face beyond |x| = {x[missing].min():.3f} mm and "
                 f"|y| = {y[missing].min():.3f} mm"
             )
             raise DesignError("lens.shape", value=self.shape_name, limit=limit, remedy=self.remedy)

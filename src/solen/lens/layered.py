@@ -40,8 +40,8 @@ class LayeredLens(LensInSpace, eq=True):
     Parameters
     ----------
     layer_mm
-        Height of a layer. Layers start from the face on the build plate, y = half the thickness. There are as many as a
-        printer makes of the body, and the last one extends to the body's other face.
+        Height of a layer. Layers start from the face on the build plate, y = half the thickness. There are as many
+        layers as a printer makes of the body, and the last one extends to the body's other face.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -168,7 +168,7 @@ def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
 
 
 def layer_count(height_mm: float, layer_mm: float) -> int:
-    """Return the number of layers that a printer makes of a height: those whose mid-height is within it."""
+    """Return the number of layers that a printer makes of a body: those whose mid-height is within it."""
     return math.ceil(height_mm / layer_mm + 0.5 - ROUNDING) - 1
 
 

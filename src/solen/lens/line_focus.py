@@ -64,7 +64,8 @@ class LineFocusLens(LensInSpace, eq=True):
         index = lens.design_index
         if index <= math.sqrt(2.0):
             limit = f"requires an index above √2, for total reflection at top and bottom, but the index is {index:g}"
-            raise DesignError("lens.y_focus_mm", value="body", limit=limit, remedy='set it to "collimated"')
+            remedy = 'set lens.y_focus_mm to "collimated"'
+            raise DesignError("lens.y_focus_mm", value="body", limit=limit, remedy=remedy)
         low, high = 1e-3, 1.0
         while not lens._confines(high):
             low, high = high, 2.0 * high
@@ -119,8 +120,8 @@ class LineFocusLens(LensInSpace, eq=True):
         """See :attr:`solen.lens.base.Lens.warnings`."""
         if self.design_index <= math.sqrt(2.0) or self._max_dy <= _max_confined_dy(self.design_index):
             return ()
-        leak = "light from the emitter's centre leaks through top and bottom, because it meets them too steeply"
-        remedy = 'set it to "body", the nearest focus that confines the light'
+        leak = "light from the emitter's centre leaks through top and bottom, because it meets these faces too steeply"
+        remedy = 'set lens.y_focus_mm to "body", the nearest focus that confines the light'
         return (warning(f"lens.y_focus_mm = {self.y_focus_mm:.4g}: {leak}; {remedy}"),)
 
     @reported
@@ -164,7 +165,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return float(np.max(y / np.hypot(from_ring, y)))
 
     def _confines(self, y_focus_mm: float) -> bool:
-        """Return whether a surface with another virtual focus exists, and top and bottom confine its light."""
+        """Return whether a surface with this virtual focus exists, and whether top and bottom confine its light."""
         try:
             other = LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
         except DesignError:

@@ -1,8 +1,8 @@
 """A measured lens: the designed lens plus the deviation of a measured profile.
 
-Its width, depth and the start of the stem are those of the design, to which the profile is registered. Uncertainties
-come from random outlines: the smoothed profile plus a random curve with the standard deviation of the points,
-correlated over `FittedProfile.correlation_mm`.
+The width, the depth and the start of the stem are those of the design, to which the profile is registered.
+Uncertainties come from random outlines: the smoothed profile plus a random curve with the standard deviation of the
+points, correlated over `FittedProfile.correlation_mm`.
 """
 
 from collections.abc import Callable
@@ -19,9 +19,9 @@ from solen.lens.spline import DesignedLens
 from solen.results import HIDDEN, reported
 
 OUTLINE_TOLERANCE = 0.05
-"""Tolerance of the traced curve of a random outline, as a fraction of the outline's uncertainty. It rotates the normals
-by at most a tenth as much as the uncertainty does, and the curve has half as many pieces, so it is searched much
-faster.
+"""Tolerance of the traced curve of a random outline, as a fraction of the outline's uncertainty. This error of the
+curve rotates the normals by at most a tenth as much as the uncertainty does. The curve has half as many pieces as the
+curve of the smoothed profile, so a ray's intersection is found much faster.
 """
 FOCUS_OUTLINES = 24
 """Number of random outlines for the uncertainty of the focus, which they determine to about 15 %."""

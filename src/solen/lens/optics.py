@@ -53,7 +53,7 @@ class OvalLens(CurvedLens, eq=True):
     focus_mm
         s', from the vertex to the focus F2 inside the material.
     half_width_mm
-        Half the lens's width. Beyond `tangency` the oval would be hidden from the emitter; `DesignError` is raised.
+        Half the lens's width; `DesignError` is raised beyond `tangency`, where the oval is hidden from the emitter.
     design_index
         n2, the index for which the oval is computed.
     outside_index
@@ -226,7 +226,8 @@ class OvalLens(CurvedLens, eq=True):
             "lens.half_width_mm",
             value=self.half_width_mm,
             limit=f"must be below {limit_mm:.3f} mm, where a ray from the emitter is tangent to the oval",
-            remedy=f"reduce it, set lens.focus_mm above {nearest_mm:.2f} or increase emitter.distance_mm",
+            remedy=f"reduce lens.half_width_mm, set lens.focus_mm above {nearest_mm:.2f} or "
+            "increase emitter.distance_mm",
         )
 
 

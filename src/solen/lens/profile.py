@@ -32,7 +32,7 @@ EDGES = ("top", "bottom", "mean", "predicted")
 
 MIN_POINTS, MAX_POINTS = 16, 100_000
 MIN_WIDTH_MM, MAX_WIDTH_MM = 0.02, 200.0
-"""Plausible widths of a lens; others suggest a wrong unit."""
+"""Plausible widths of a lens; other widths suggest a wrong unit."""
 MAX_U_MM = 1.0
 
 _GAUSS_MAD = 1.4826

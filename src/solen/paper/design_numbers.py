@@ -74,7 +74,7 @@ def _middle(a: Point, b: Point) -> Point:
 
 
 def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
-    """Return the fixed point of the rotation that maps two points: w = a z + b and z = b / (1 − a) (complex)."""
+    """Return the fixed point b / (1 − a) of the rotation w = a z + b, in complex numbers, that maps two points."""
     (p, q), (v, w) = ([complex(*point) for point in points] for points in (before, after))
     a = (w - v) / (q - p)
     centre = (v - a * p) / (1.0 - a)

@@ -164,7 +164,7 @@ class _Printed:
 
     @property
     def slab(self) -> shapely.Polygon:
-        """The slab with its bevel."""
+        """The slab with its chamfered corner."""
         slab = self.coupon.slab
         if slab is None:
             return shapely.Polygon()

@@ -1,4 +1,4 @@
-"""Finished figures: the letters that each contains, and the record that shows that it need not be made again.
+"""Finished figures: the panels of each figure, and the record that shows that a figure need not be made again.
 
 A figure depends only on solen, which ships with all inputs. The record therefore contains one checksum of all files of
 solen and one of each written file; if all of them still match, the figure is finished.
@@ -109,7 +109,7 @@ def code_sha256() -> str:
 
 
 def read_record(path: Path) -> Record | None:
-    """Return the record of a finished figure; None if there is none, or solen or one of its files has changed."""
+    """Return the record of a finished figure; None without a record, or if solen or a file of it has changed."""
     try:
         record = Record(**json.loads(path.read_text(encoding="utf-8")))
         unchanged = all(_sha256(path.parent / file) == sha256 for file, sha256 in record.sha256.items())

@@ -135,5 +135,5 @@ def write_samples(folder: Path, *names: str) -> list[Path]:
 
 
 def mark_of(name: str) -> str:
-    """Return the note for a figure that is drawn from a sample."""
+    """Return the note for a figure that shows a sample."""
     return f"SIMULATED: {SAMPLES[name].model}; seed {SEED}"

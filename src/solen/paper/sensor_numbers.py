@@ -125,7 +125,7 @@ def protocol_numbers(study: Study) -> dict[str, tuple[float, float]]:
 
 
 def deviation_um(inspected: LensInspection | FacesInspection) -> tuple[float, float, float]:
-    """Return the RMS deviation of a lens from its design with its u, and that from the nearest other design, in µm."""
+    """Return the RMS deviation of a lens from its design with its u, and from the nearest other design, in µm."""
     inspection = inspected.last_layer if isinstance(inspected, FacesInspection) else inspected
     other_rms_um = sorted(design.rms_um for design in inspection.designs.values())
     return inspection.deviation.rms_um, inspection.deviation.u_rms_um, other_rms_um[1]

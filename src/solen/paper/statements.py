@@ -1,10 +1,11 @@
 """The statements in the paper with their locations, and whether the values computed by solen agree with them.
 
 ``statements.toml`` contains every number in the paper, and one rule decides. The uncertainty of a reported number is
-that of its last digit (a rectangular distribution of that width). A value within two combined standard uncertainties
-**agrees**, and one outside them **differs**; a bound differs if it is missed by more than that; a direction agrees if
-its sign is equally certain. "Negligible" is interpreted as below 5 % of the effect with which the value is compared. A
-statement based on unpublished data **cannot be checked**, whatever solen simulates instead.
+that of its last digit (a rectangular distribution of that width). A computed value that deviates by at most two
+combined standard uncertainties **agrees**; otherwise it **differs**. A bound differs if it is missed by more than two
+combined standard uncertainties; a direction agrees if its sign is certain to the same extent. "Negligible" is
+interpreted as below 5 % of the effect with which the value is compared. A statement based on unpublished data **cannot
+be checked**, whatever solen simulates instead.
 
 Public names: `compared` and `Comparison`.
 """

@@ -49,19 +49,19 @@ EXACT_FRACTION, NEGLIGIBLE_FRACTION = 0.7, 0.02
 tail is not sampled.
 """
 MIN_SEGMENTS, SEGMENTS_TOLERANCE, MAX_SEGMENTS = 1_000_000, 1e-4, 20_000_000
-"""Limits of the number of ray segments at which an integration ends, and the tolerance down to which the lower one
-applies. In between, the number is proportional to the square root of 1/tolerance.
+"""Number of ray segments at which an integration ends: the minimum applies at this tolerance and above. For smaller
+tolerances, the number is proportional to the square root of 1/tolerance, up to the maximum.
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Pairs of minimum weight and maximum number of interfaces. Over one coordinate many branches can be followed; over
-several, the power of a trapped ray is chaotic, and sampling is more efficient.
+"""Pairs of minimum weight and maximum number of interfaces. In an integral over one coordinate, many branches can be
+followed; over several, the power of a trapped ray is chaotic, and sampling is more efficient.
 """
 SAMPLING_TOLERANCE = 3e-5
 """Tolerance at or above which the tail of an extended source is sampled from the last levels on."""
 MAX_TAIL_SEGMENTS, TAIL_FACTOR, LAST_FACTOR, MANY_HITS = 120_000_000, 120, 5, 10
-"""Maximum number of ray segments of a tail, absolute and relative to the limit of the integration; factor on that limit
-at the last levels, which have fewer interfaces than the last number.
+"""Maximum number of ray segments of a tail, absolute and relative to the limit of the integration. At levels with fewer
+than ``MANY_HITS`` interfaces, the limit of the integration is multiplied by ``LAST_FACTOR``.
 """
 MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
@@ -259,7 +259,7 @@ class Light:
         return LAST_LEVELS if self.emission.panels and tolerance >= SAMPLING_TOLERANCE else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:
-        """Return the light beyond the limits of the integration, which is sampled; its rays are in the plane y = 0."""
+        """Return the tail, i.e. the light beyond the limits of the integration; its rays are in the plane y = 0."""
         f, no_table = self.family, np.empty(0)
         family = FamilyInSpace(
             f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.escape_mm, 1.0, 1.0, 1.0,

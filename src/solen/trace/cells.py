@@ -23,8 +23,8 @@ MAX_INITIAL_FRACTION = 0.3
 cells does not help.
 """
 MAX_MEAN_SEGMENTS = 8.0
-"""Mean number of segments per ray above which light is considered trapped: with so many strips, rules agree on a wrong
-value.
+"""Mean number of segments per ray above which light is considered trapped: it arrives in so many narrow strips that two
+rules may agree on a wrong value.
 """
 STOP_FRACTION, NEGLIGIBLE_FRACTION = 0.98, 0.1
 """Fractions of the tolerance: the uncertainty at which halving stops, and the quadrature error below which any missing

@@ -206,7 +206,7 @@ class Cone:
         return Integral(sums / self.total, error / self.total, gaps * max_intensity / self.total, counts)
 
     def moved(self, parts_of_families: Sequence[Parts]) -> np.ndarray | None:
-        """Return the powers (D + 2,) of a slightly changed point over the same pieces; None if one is not located."""
+        """Return the powers (D + 2,) of a slightly changed point over the same pieces; None if a piece is not found."""
         sums = np.zeros(self.columns)
         for family, parts in zip(self.families, parts_of_families, strict=True):
             powers = self._moved_interval(family, parts)

@@ -4,7 +4,7 @@ A scene is traced with fans and with Sobol' samples of increasing ray counts, an
 The error of each result is its difference from a reference value, which is an adaptive integral to
 `REFERENCE_TOLERANCE`. If that is impossible or does not reach the tolerance, the reference is the result with the
 smallest reported uncertainty among the last integral, a fan and a sample; this fan and this sample have four times as
-many rays as the densest ones compared.
+many rays as the densest fan and the densest sample of the comparison.
 """
 
 import math
@@ -32,7 +32,7 @@ REFERENCE_FACTOR = 4
 class Series(Result):
     """One sampling method: ray counts (N,), the largest power error at any receiver, and the reported uncertainty.
 
-    Both are fractions of the emitted power; ``u_power`` is NaN if there are too few rays.
+    Errors and uncertainties are fractions of the emitted power; ``u_power`` is NaN if there are too few rays.
     """
 
     method: Method
@@ -68,8 +68,8 @@ def convergence(
     limits
         When to stop following a ray; by default the limits of `solen.trace.trace` and `solen.trace.integrate`.
     max_rays
-        Number of rays in the densest fan and sample, at least 16; the ray counts of the others are smaller by powers of
-        two.
+        Number of rays in the densest fan and sample, at least 16; the other fans and samples have fewer rays, by
+        factors of two.
     seed
         Seed of the samples and of the roulette.
 
@@ -111,7 +111,7 @@ def _reference(scene: Scene, mode: Mode, limits: Limits | None, max_rays: int, i
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Yield integrals to decreasing tolerances that are reached; none for a scene that can only be sampled."""
+    """Yield integrals to decreasing tolerances until one is not reached; none for a scene that can only be sampled."""
     if scene.front is not None:
         return
     for tolerance in (*TOLERANCES, REFERENCE_TOLERANCE):

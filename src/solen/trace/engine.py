@@ -79,7 +79,7 @@ def trace(
     mode
         ``"count"``: refraction or total reflection, without splitting or absorption in media. ``"power"``: Fresnel's
         equations for s and p separately, both branches, absorption. ``"roulette"``: as power, but only one of the two
-        branches is followed, drawn with probability proportional to its power (probabilistic ray splitting).
+        branches is followed, chosen with probability proportional to its power (probabilistic ray splitting).
     limits
         When to stop following a ray; see `Limits`.
     sampling

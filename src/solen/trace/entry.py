@@ -1,10 +1,10 @@
 """Entry of light into a body through a lens face that varies with height: a step before the trace of extruded walls.
 
 `scene_behind_face` replaces the sources of a scene by the rays that continue behind the face, with the power that
-remains after Fresnel reflection, their polarisation, and their optical path length up to there. The power that the face
-reflects is reported as ``reflected``. Reflected light that turns back escapes; reflected light that continues forwards
-or meets a ledge is followed, and so is light that passes beside the lens. Behind the face the body has vertical walls
-and is traced like any other.
+remains after Fresnel reflection, their polarisation, and their optical path length up to that point. The power that the
+face reflects is reported as ``reflected``. Reflected light that turns back escapes; reflected light that continues
+forwards or meets a ledge is followed, and so is light that passes beside the lens. Behind the face the body has
+vertical walls and is traced like any other body.
 
 Light that returns to the face from inside meets a cylinder with the face's section at mid-height instead; see
 `solen.trace.kernel.entry`.

@@ -1,9 +1,9 @@
 """Integration with sixteen scrambled Sobol' nets, whose numbers of points are increased until the nets agree.
 
 This method is for light through a lens that varies with height. Each ray has four coordinates, and the power at a
-receiver jumps along every one of them, so none can be integrated exactly, as the height can for vertical walls
-(decision 89). Each net is an unbiased estimate, so the standard error of the mean over nets is the uncertainty of the
-integral.
+receiver jumps along every one of them, so the integral over none of them can be computed exactly. For vertical walls,
+in contrast, the integral over height is exact (decision 89). Each net is an unbiased estimate, so the standard error of
+the mean over nets is the uncertainty of the integral.
 """
 
 from dataclasses import replace

@@ -42,9 +42,8 @@ class TraceOptions(Options):
     def _fit_together(self) -> Self:
         if self.sampling != "adaptive":
             if self.tolerance is not None:
-                raise refused(
-                    "tolerance", "requires sampling adaptive", value=self.tolerance, remedy="set it, or omit tolerance"
-                )
+                remedy = "set sampling to adaptive, or omit tolerance"
+                raise refused("tolerance", "requires sampling adaptive", value=self.tolerance, remedy=remedy)
             return self
         single = "single" if self.precision == "single" else None
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
@@ -112,4 +111,4 @@ def check_paths(scene: Scene) -> None:
         raise SpecError("paths", limit=limit, remedy="reduce the number of rays")
     if scene.extrusion is not None:
         limit = "are supported only in the plane, but these rays are in space"
-        raise SpecError("paths", limit=limit, remedy="omit it, or trace in the plane")
+        raise SpecError("paths", limit=limit, remedy="omit paths, or trace in the plane")

@@ -3,7 +3,7 @@
 It follows one ray at a time, with the curves of `solen.curve` and the physics of `solen.interface`. In *counting* mode
 a ray is refracted or totally reflected, but neither split nor absorbed by a medium. In *power* mode a ray is split
 according to Fresnel's equations, with s and p treated separately; both parts are followed down to the minimum weight,
-and media absorb. In *roulette* mode, one of the two parts continues with the total power, drawn with probability
+and media absorb. In *roulette* mode, one of the two parts continues with the total power, chosen with probability
 proportional to its power.
 
 At a split the weaker part is followed first: it has at most half of the power, so the number of waiting parts never
@@ -252,14 +252,14 @@ class Tracer:
         return self._split((self._drawn(parts),) if self.mode == "roulette" and is_split else parts, waiting)
 
     def _free_path(self, ray: Ray, region: Region) -> float:
-        """Draw the free path of a ray before scattering in a medium, from the exponential distribution."""
+        """Sample the free path of a ray before scattering in a medium, from the exponential distribution."""
         if region.scattering_per_mm == 0.0:
             return math.inf
         uniform_number = uniform_of(Event(self.seed, ray.number, ray.hits), FREE_PATH)
         return -math.log(1.0 - uniform_number) / region.scattering_per_mm
 
     def _scatter(self, ray: Ray, region: str, length_mm: float) -> Ray | None:
-        """Scatter a ray in a medium, by an angle drawn from the Henyey–Greenstein distribution in the plane."""
+        """Scatter a ray in a medium, by an angle sampled from the Henyey–Greenstein distribution in the plane."""
         at = along(ray.origin, ray.direction, length_mm)
         arrived = self._attenuated(ray, region, length_mm)
         self._monitor(ray, region, length_mm)
@@ -279,7 +279,7 @@ class Tracer:
         )
 
     def _drawn(self, parts: tuple[Ray, Ray]) -> Ray:
-        """Draw one of two parts with probability proportional to its power; it carries the total power."""
+        """Choose one of two parts with probability proportional to its power; it carries the total power."""
         back, transmitted = parts
         power = back.power + transmitted.power
         part = back if uniform(self.seed, back.number, back.hits - 1) * power < back.power else transmitted

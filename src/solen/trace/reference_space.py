@@ -2,7 +2,7 @@
 
 It shares only the scene with the engine: vectors have three components, light consists of two independent complex
 fields whose powers add, and random numbers come from Python's own generator. At a partial reflection one part is
-followed, drawn with probability proportional to its power. Scatter profiles are sampled by rejection, so only their
+followed, chosen with probability proportional to its power. Scatter profiles are sampled by rejection, so only their
 definition matters.
 """
 
@@ -169,7 +169,7 @@ class _Tracer:
         return None if wall is None else _arrival(wall, _moved(ray, wall_mm)), wall_mm
 
     def _end(self, ray: Ray, arrival: Arrival | None, wall_mm: float) -> None:
-        """Record a ray that meets no wall, or a wall from another medium than its own."""
+        """Record a ray that meets no wall, or meets a wall from a medium other than its own."""
         if arrival is None:
             lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
             self._record("absorbed" if lossy else "escaped", ray.light)
@@ -248,7 +248,7 @@ class _Tracer:
         return ray._replace(d=back, light=light, last=None)  # the ray is no longer on a wall
 
     def _at_wall(self, ray: Ray, arrival: Arrival) -> Ray | None:
-        """Continue a ray at a wall as one part, drawn with probability proportional to its power."""
+        """Continue a ray at a wall as one part, chosen with probability proportional to its power."""
         wall, surface = arrival.wall, arrival.wall.surface or Surface()
         if surface.acts_at(self.nm):
             behaviour = wall.behaviour
@@ -305,7 +305,7 @@ class _Tracer:
         return Amplitudes(0.0, 0.0, 1.0, 1.0) if not surface.partial and abs(a.ts) > 0.0 else a
 
     def _facet(self, texture: Texture, d: Vector, normal: Vector, n1: float, n2: float) -> Vector:
-        """Return the normal of the ripple facet that a ray meets, drawn in proportion to its projected size."""
+        """Return the normal of the ripple facet that a ray meets, sampled in proportion to projected size."""
         along = UP if texture.direction == "across" else _cross(normal, UP)
         largest = 1.0 + texture.slope * abs(_dot(d, along)) / -_dot(d, normal)
         while True:
@@ -320,7 +320,7 @@ class _Tracer:
                 return facet
 
     def _scattered(self, surface: Surface, d: Vector, light: Light, normal: Vector) -> tuple[Vector, Light]:
-        """Return a part unchanged, or in a direction drawn from the profile, on the same side of the surface."""
+        """Return a part unchanged, or in a direction sampled from the profile, on the same side of the surface."""
         scatter = surface.scatter
         if scatter is None or self.draw.random() >= scatter.share:
             return d, light

@@ -166,7 +166,7 @@ def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
 
 
 def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """Draw one order with probability proportional to its power; it carries the power of all orders."""
+    """Choose one order with probability proportional to its power; it carries the power of all orders."""
     no_light, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
     if not orders:
         return no_light, no_light
@@ -223,7 +223,7 @@ def _decaying(square: complex) -> complex:
 
 
 def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
-    """Return the normal of the ripple facet that a ray meets, drawn in proportion to its projected size."""
+    """Return the normal of the ripple facet that a ray meets, sampled in proportion to projected size."""
     along = left_of(ray.facing)
     sine = dot(ray.direction, along)
     for i in range(TRIES):
@@ -241,7 +241,7 @@ def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
 
 
 def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose: int) -> Part:
-    """Return a part unchanged, or in a direction drawn from the profile around it, on the same side of the surface."""
+    """Return a part unchanged, or in a direction sampled from the profile, on the same side of the surface."""
     scatter = surface.scatter
     if scatter is None or draw(purpose) >= scatter.share:
         return part
@@ -282,7 +282,7 @@ def _from_envelope(scatter: ScatterTable, u: float) -> tuple[float, float]:
 
 
 def _acceptance(scatter: HarveyShack, offset: float) -> float:
-    """Return the acceptance probability of a draw from the Cauchy distribution; the offset is in shoulders."""
+    """Return the acceptance probability of a sample from the Cauchy distribution; the offset is in shoulders."""
     if abs(offset) > 2.0 / scatter.shoulder:
         return 0.0
 

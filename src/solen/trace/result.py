@@ -41,7 +41,7 @@ SEGMENT_FIELDS = np.dtype(
         for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept", "optical_path_mm")
     ]
 )
-"""Fields of a ray segment: its ray; its branch; the parent branch from which that was split off (−1 for none); the
+"""Fields of a ray segment: its ray; its branch; the parent from which that branch was split off (−1 for none); the
 number of interfaces met before; the interface at its end (−1 for none); the fate there; start; direction; length
 (infinite if it escapes); the power at its start as a fraction of the emitted power; the fraction of that power that
 remains at its end; and the optical path length from the source to its start. A trace stores segments in order of ray,

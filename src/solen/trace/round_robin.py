@@ -5,8 +5,8 @@ list. In each round, each ray in turn meets the next object on its path; detecto
 split off is appended to the list and takes its turn in the same round; a grating appends all its orders. A split-off
 part whose power does not exceed ``min_split_power`` is dropped, with an exception: if successive rays meet the same
 object, every k-th entry of the list continues with k times the power of its part, where k is the smallest integer for
-which this exceeds `MIN_SPLIT_POWER`. The mean reading of a monitor is therefore preserved with few rays, and the two
-programs agree ray by ray.
+which this power exceeds `MIN_SPLIT_POWER`. The mean reading of a monitor is therefore preserved with few rays, and
+solen and ray-optics agree ray by ray.
 
 This tracer is written in plain Python, is based on the reference tracer, and is slow. Dropped power is added to the
 truncated power and added power is subtracted from it, so that the ledger remains complete.
@@ -26,7 +26,7 @@ from solen.trace.reference_surfaces import Arrival, orders_of
 from solen.trace.result import ABSORBED, TRUNCATED, Limits, Trace
 
 MIN_SPLIT_POWER = 0.01
-"""Power above which a part is followed; of k weak parts, the one that continues carries more than this."""
+"""Power above which a part is followed; of k weak parts, the one that continues has more than this power."""
 NO_OBJECT = ""
 """Name of the object met by a ray that escapes."""
 
@@ -53,7 +53,11 @@ class RoundRobin:
 
 @dataclass
 class _Entry:
-    """An entry in the list: its ray, whether the ray is alone, and the objects that it will meet on this segment."""
+    """An entry in the list: its ray, and the objects that the ray will meet on this segment.
+
+    ``is_alone`` is True if the ray starts a sequence or has met another object than the previous ray; weak parts of the
+    ray are then dropped.
+    """
 
     ray: Ray
     is_alone: bool
@@ -149,7 +153,7 @@ class _RoundRobinTracer(Tracer):
     def _treated(
         self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
     ) -> Ray | None:
-        """Treat a surface like the other tracers, but follow all orders of a grating and balance the ledger."""
+        """Treat a surface as in the other tracers, but follow all orders of a grating and balance the ledger."""
         interface = back.last
         if surface.grating is None or interface is None:
             return super()._treated(surface, ray, back, facing, beyond, waiting)
@@ -201,6 +205,6 @@ def _object(name: str) -> str:
 
 
 def _is_alone(part: Ray, entry: _Entry) -> bool:
-    """Return whether a part is initially alone: true for a grating order, false for light through a splitter."""
+    """Return the initial ``is_alone`` of a part: true for a grating order, false for light through a splitter."""
     behaviour = None if part.last is None else part.last.behaviour
     return behaviour == "grating" or (entry.is_alone and behaviour != "splitter")

@@ -123,7 +123,7 @@ class SceneCheck(Result):
     name, format
         Name of the scene, and file format: ``solen`` or ``ray-optics``.
     regions, interfaces, sources, rays
-        Number of each.
+        Numbers of regions, interfaces, sources and rays.
     receivers, monitors
         Names of receivers and monitors; for a ray-optics scene, ``monitors`` contains its detectors.
     in_space

@@ -205,7 +205,7 @@ def _integrated(
 
 
 def _pattern(source: Emitter) -> tuple[float, FloatArray, FloatArray]:
-    """Return the exponent of the cosine, and a table of angles in radians and relative intensities, or an empty one."""
+    """Return the exponent of the cosine, and a table (may be empty) of angles in radians and relative intensities."""
     no_table = np.empty(0)
     match source.pattern:
         case Isotropic():

@@ -176,7 +176,7 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Return the rows of grating orders; raise `DesignError` if they have more power than the incident light."""
+    """Return the rows of grating orders; raise `DesignError` if the orders have more power than incident light."""
     if surface.grating is None:
         return []
     total = math.fsum(efficiency for _, efficiency in surface.grating.orders)
@@ -328,7 +328,7 @@ def _arc(curve: Arc) -> rows.Arc:
 
 
 def _parabola(curve: Parabola) -> rows.Conic:
-    """Return the row of a parabola, with its axis reversed: w is on the left, a parabola's depth on the right."""
+    """Return the row of a parabola; the lateral direction is reversed, so that w is the depth."""
     lateral = (-curve.axis[0], -curve.axis[1])
     low, high = sorted((-curve.from_mm, -curve.to_mm))
     side = 1.0 if curve.to_mm < curve.from_mm else -1.0

@@ -3,7 +3,7 @@
 Integration follows branches down to a minimum weight and up to a maximum number of interfaces. Beyond these limits,
 light is trapped or was split many times, and is not a smooth function of its starting point. It carries little power,
 however, and can be sampled from scrambled Sobol' points: each sample follows the branches that the integration stopped,
-and continues with one randomly drawn part at every interface. The mean over independent scramblings is unbiased, and
+and continues with one randomly chosen part at every interface. The mean over independent scramblings is unbiased, and
 their differences give its uncertainty. The total power of the tail is known from the integration, so only its
 distribution over the receivers is sampled, as a ratio of two means.
 """
@@ -85,7 +85,9 @@ class Tail(NamedTuple):
 
 
 def distributed(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
-    """Distribute the unfinished power in proportion to the means (R, columns) of R scramblings; the last is the total.
+    """Distribute the unfinished power in proportion to the means (R, columns) of R scramblings.
+
+    The last column is the total.
 
     Return the powers (columns − 1,) and their uncertainty, which is that of a ratio of means (Cochran, Sampling
     Techniques, 3rd ed., 1977, section 6.4). If a scrambling contains no power, the uncertainty is the entire unfinished

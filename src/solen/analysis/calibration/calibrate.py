@@ -120,9 +120,9 @@ def _selected(study: Study, options: CalibrationOptions) -> tuple[list[SensorRes
         raise DataError(f"sensor {controls}", limit=limit, remedy="use --with-controls to calibrate it anyway")
     if options.pool and len(selected) < 2:
         limit = f"requires at least two sensors with a lens, but there is {len(selected)}"
-        raise SpecError("--pool", limit=limit, remedy="add recordings of other prints, or omit it")
+        raise SpecError("--pool", limit=limit, remedy="add recordings of other prints, or omit --pool")
     omitted = controls and not options.with_controls
-    return selected, [note(f"not calibrated, because there is no lens: {controls}")] if omitted else []
+    return selected, [note(f"sensors without a lens are not calibrated: {controls}")] if omitted else []
 
 
 def _file(

@@ -294,7 +294,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def differences(file: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """Return phrases for the differences of a recording from the calibrated one, and names of unknown conditions."""
+    """Return phrases for the differences of a recording from the calibration, and names of unknown conditions."""
     different, unknown = [], []
     kinds = {file.motion.kind, motion.kind}
     for name, calibrated, recorded in (
@@ -322,7 +322,7 @@ def differences(file: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _driven_load(drives: str | None) -> str | None:
-    """Return the name of the driven finger, pull or clamp; its depth and its force are the same motion."""
+    """Return the name of the driven finger, pull or clamp; driving its depth or force is the same motion."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

@@ -62,7 +62,7 @@ def _extended(ramp: Ramp, noise: float, size: int) -> Ramp:
 
 
 def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
-    """Return the cycles that begin and end with the same ramps as before."""
+    """Return the cycles, which begin and end with the extended ``ramps``."""
     begins = {old.start: new.start for old, new in zip(motion.ramps, ramps, strict=True)}
     ends = {old.stop: new.stop for old, new in zip(motion.ramps, ramps, strict=True)}
     return tuple(

@@ -41,7 +41,7 @@ FILE_OPTIONS = (*_STIMULUS_OPTIONS, "on_off_hz", "on", "mains_hz", "emitters", "
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Readings: times (n,), left and right voltages (n, 2), NaN if missing, flags of clipped ones, and true angles."""
+    """Readings: times (n,), left and right voltages (n, 2; NaN if missing), clipping flags, and true angles (n,)."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -106,7 +106,7 @@ def _check_stimulus(options: SignalOptions, stimulus: Stimulus) -> None:
     limit = f"does not apply, because the calibration is for the {stimulus.name}"
     for name, other in STIMULI.items():
         if name != stimulus.name and (column := getattr(options, other.column)) is not None:
-            remedy = f"omit it; name a {stimulus.name} column with --{stimulus.column}"
+            remedy = f"omit it, and name a {stimulus.name} column with --{stimulus.column}"
             raise SpecError(f"--{other.column}", value=column, limit=limit, remedy=remedy)
     if options.against not in {None, stimulus.name}:
         raise SpecError("--against", value=options.against, limit=limit, remedy="omit it")

@@ -306,7 +306,7 @@ def _check_once(folded: FloatArray, rate_hz: float) -> None:
 
 
 def _edges(folded: FloatArray) -> tuple[float, float, float]:
-    """Return the phase of the rising edge of a folded signal, its fraction above half height, and its height."""
+    """Return the phase of the rising edge of a folded signal, the fraction above half height, and the height."""
     low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)

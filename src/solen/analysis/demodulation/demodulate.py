@@ -31,7 +31,7 @@ readings from which it is computed.
 
 
 class EmitterReadings(Result):
-    """Readings of a channel for one emitter: mean, scatter, uncertainty of a reading, and number clipped."""
+    """Readings of a channel for one emitter: mean, scatter, uncertainty of a reading, number of clipped readings."""
 
     mean: float
     sd: float

@@ -121,7 +121,7 @@ def _distance_hz(hz: float, rate_hz: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _OffSamples:
-    """Samples with the emitters off, (n,) and (n, C), and a mask of those not at the beginning of a slot."""
+    """Samples with the emitters off, (n,) and (n, C), and a mask of samples that are not at the start of a slot."""
 
     time_s: FloatArray
     values: FloatArray
@@ -178,7 +178,7 @@ class _Fit:
         return np.asarray(sum(self.wave(time_s, order).real for order in self.orders))
 
     def harmonic(self, time_s: FloatArray, off_samples: _OffSamples, order: int, *, drifts: bool) -> FloatArray:
-        """Return a harmonic of the lamp (n, C), fitted to the entire recording, that varies with its fundamental."""
+        """Return a harmonic (n, C), fitted to the entire recording, that follows the fundamental of the lamp."""
         if not drifts:
             off_samples = rows_of(off_samples, off_samples.settled)
         residual = off_samples.without_means(off_samples.values - self.at(off_samples.time_s))
@@ -197,7 +197,7 @@ def _real_columns(wave: ComplexArray) -> FloatArray:
 
 
 def _harmonic_of(wave: ComplexArray, order: int) -> ComplexArray:
-    """Return a wave with a multiple of the phase of another wave, and with its amplitude."""
+    """Return a wave with the amplitude of another wave, and with ``order`` times its phase."""
     amplitude = np.abs(wave)
     return np.asarray(amplitude * (wave / np.where(amplitude > 0.0, amplitude, 1.0)) ** order)
 

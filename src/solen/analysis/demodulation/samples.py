@@ -128,8 +128,8 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     if state is not None:
         return Samples(time_s, values, names, units, state[kept], 1e-6 * (options.settle_us or 0.0), None)
     if options.rate_hz is None:
-        limit = "contains no state column, and no switching rate is specified"
-        raise SpecError("--state", limit=limit, remedy="name the column, or specify --rate-hz 200")
+        limit = "no column is recognised as the emitter state, and no switching rate is specified"
+        raise SpecError("--state", limit=limit, remedy="name the column with --state, or specify --rate-hz")
     settle_s = 1e-6 * (DEFAULT_SETTLE_US if options.settle_us is None else options.settle_us)
     clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
     if settle_s >= clock.shorter_s:
@@ -173,7 +173,7 @@ def _channels(recording: Recording, options: DemodulationOptions, time: Channel)
     channels = [channel for channel in free if _name_and_unit(channel)[1] in VOLTAGES] or receiver_columns(free)
     if not channels:
         limit = f"no column is in V; the columns are {', '.join(recording.names)}"
-        raise SpecError("--channel", limit=limit, remedy="name the receiver columns")
+        raise SpecError("--channel", limit=limit, remedy="name the receiver columns with --channel")
     return channels
 
 

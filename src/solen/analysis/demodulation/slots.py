@@ -1,7 +1,7 @@
 """Slots: runs of samples with a constant emitter state.
 
-A slot ends when the state changes or samples are missing. The first samples, which may still be settling, are dropped;
-the remaining samples of each channel are averaged.
+A slot ends when the state changes or samples are missing. The first samples of a slot, which may still be settling, are
+dropped; the remaining samples of each channel are averaged.
 
 Public name: `slots_of`.
 """

@@ -161,7 +161,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Return the noise of an "off" slot, (C,); NaN with fewer than three.
+    """Return the noise of an "off" slot, (C,); NaN with fewer than three "off" slots.
 
     It follows from the deviation of each slot from the line between its neighbours. With a ``block``, it follows from
     the means of this many successive deviations, and excludes flicker with whole periods in a block. For independent

@@ -166,8 +166,8 @@ class Model:
     def _nodes(self) -> FloatArray:
         """Quadrature angles for each cell; the outermost cells, which the motion does not fill, have one angle each.
 
-        Averaging over a cell distributes the angle with a standard deviation of the cell width over √12, and linear
-        interpolation between samples with one of the sample spacing over √6.
+        Averaging over a cell spreads the angle with a standard deviation of 1/√12 of the cell width; linear
+        interpolation between samples spreads it with a standard deviation of 1/√6 of the sample spacing.
         """
         spread = np.full(self.angle_deg.size, self.angle_deg[1] - self.angle_deg[0]) / math.sqrt(12.0)
         spread = np.hypot(spread, self.spacing_deg / math.sqrt(6.0))

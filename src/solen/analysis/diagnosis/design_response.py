@@ -1,9 +1,9 @@
 """Light at the receivers of a design, as a function of emitter position and width and of other tolerances.
 
-A table is computed for the design itself, and the change of this table for every other parameter that may differ
-(index, loss). The index and similar parameters have a small effect but shift the bends of the response. A straight line
-would be wrong by more than the noise there, so a parabola through one step to each side is used. Loss attenuates the
-light exponentially along its path.
+A table of the light by emitter position is computed for the design. For every other parameter that may differ from the
+design (such as index or loss), the change of this table is computed. The effect of the index and similar parameters is
+small, but they shift the bends of the response. At the bends, a straight line would be wrong by more than the noise, so
+a parabola through one step to each side is used. Loss attenuates the light exponentially along its path.
 
 The width of a chip enters as its square, called **spread**. The effect of a narrow chip is proportional to its spread,
 so zero width is not a boundary of the fit. The fitted spread may be negative, like any estimate of a number near 0.
@@ -29,7 +29,7 @@ STEP_U = 1.0
 """Step of a parameter, relative to its standard uncertainty."""
 LOSS_STEP = 0.01
 MIN_SPREAD_MM2 = 0.02**2
-"""Spread below which the response is interpolated linearly between that of a point and that of this spread."""
+"""Spread below which the response is interpolated linearly between the response of a point and that at this spread."""
 MIN_FRACTION = 1e-9
 
 

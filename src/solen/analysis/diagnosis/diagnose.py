@@ -1,7 +1,7 @@
 """Diagnosis of a sensor: a fit of its design's traced response to the mean curves of its recording.
 
 All parameters that the recording determines are fitted. A parameter whose uncertainty exceeds its scale is fixed at the
-design value; the correlations in the fit before show with which others it is strongly correlated.
+design value; the last fit that included it shows with which other parameters it is strongly correlated.
 
 Public names: `cycles_of`, `diagnosed` and `Diagnosis`.
 """
@@ -119,7 +119,10 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Return the indices of the right and left receivers, of which one may be missing; raise `DataError` otherwise."""
+    """Return the indices of the right and left receivers, of which one may be missing.
+
+    Raise `DataError` if two receivers are on the same side, or no name shows a side.
+    """
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for index, name in enumerate(receivers):
@@ -218,7 +221,7 @@ def _check(sensor: SensorResponse, cycles: Cycles, sides: Sequence[str]) -> None
 
 
 def _check_signs(sensor: SensorResponse, fitted: Fitted) -> None:
-    """Raise `DataError` for a negative gain, because the sensor was then mounted or named the other way round."""
+    """Raise `DataError` for a negative gain: the angle, or the effect of light on the voltage, is then reversed."""
     for side in fitted.model.sides:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:

@@ -9,7 +9,7 @@ are added according to the law of propagation of uncertainty:
 - priors (e.g. of the index), which enter the fit as observations;
 - **misfit**: deviations of the mean curves from the model that exceed the scatter of the cycles, expressed as cosine
   waves over the range. Their amplitude is estimated from the waves that no parameter can absorb, and assumed to be the
-  same for the others.
+  same for the other waves.
 
 The effective degrees of freedom of the sum follow Welch and Satterthwaite.
 
@@ -30,15 +30,15 @@ START_DECENTRES_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 START_SPREADS_MM2 = (0.1**2, 0.25**2)
 """Starting values of the emitter's decentre, relative to the design, and of the spread of its chip."""
 MAX_REFINED = 3
-"""Number of starting values that are refined, first with the parameters that have a prior fixed: those with the best
-linear fits.
+"""Number of starting values that are refined: those with the best linear fits. Parameters with a prior are fixed in the
+first refinement.
 """
 WAVES = 12
 """Number of cosine waves, of 0, 1, 2 and so on half periods over the range of angles, that a misfit may contain."""
 MAX_CHANCE = 0.05
 """A misfit is significant if the probability of such a misfit by chance is below this value."""
 MAX_CHANCE_ADDED = 0.16
-"""Largest such probability for which the misfit is added to the uncertainties."""
+"""Largest probability of a misfit by chance for which the misfit is added to the uncertainties."""
 CURVE_ERROR = 2e-5
 """Error common to the curves of all cycles, as a fraction of the swing, due to interpolation between log entries and to
 averaging over cells.
@@ -173,7 +173,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
     active
         Indices of the fitted parameters; the others are fixed at their start values.
     start
-        Starting values (p,); by default the best of several decentres.
+        Starting values (p,); by default those with the best fit for several decentres.
     """
     indices = np.array(sorted(active), dtype=np.intp)
     sd = _mean_sd(cycles)
@@ -260,7 +260,7 @@ def _residuals(
 
 
 def _jacobian(model: Model, cycles: Cycles, indices: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
+    """Return the derivatives of curves and priors, in units of their standard deviations, (observations, a)."""
     of_curves = (model.jacobian(values, indices.tolist()) / sd[:, None])[cycles.valid]
     of_priors = np.diag([1.0 / model.parameters[n].u_prior for n in indices])
     return np.concatenate([of_curves, of_priors])
@@ -326,7 +326,10 @@ def _misfit(
     estimator: FloatArray,
     count: int,
 ) -> tuple[float, float, tuple[float, float]]:
-    """Return amplitude and degrees of freedom of the misfit waves, and their ratio to the scatter with its chance."""
+    """Return the amplitude and degrees of freedom of the misfit waves, and the significance of the misfit.
+
+    The significance is the ratio of the waves to the scatter, and the probability of such a ratio by chance.
+    """
     unabsorbed = waves - jacobian @ (estimator @ waves)
     basis, singular, _ = np.linalg.svd(unabsorbed, full_matrices=False)
     basis = basis[:, singular > 1e-3 * singular[0]]

@@ -27,7 +27,7 @@ from solen.trace.adaptive import Points, integrate
 TOLERANCE = 1e-5
 """Integration tolerance for each point, as a fraction of the emitted power."""
 FIRST_STEP_MM, FIRST_CHANGE_STEP_MM, MIN_STEP_MM = 0.05, 0.1, 0.0001
-"""Initial spacing of the positions, that for a change in space, and the smallest spacing in the plane."""
+"""Initial spacing of the positions, initial spacing for a change in space, and smallest spacing in the plane."""
 MAX_BEND_MM = 3e-6
 """Product of spacing and deviation from the line between the neighbours above which intervals at a point are halved."""
 STRIP_TOLERANCE_MM, MIN_STRIP_MM = 2e-5, 0.002
@@ -37,7 +37,7 @@ MAX_STRIP_BEND_MM, MAX_CHANGE_BEND_MM = 4e-5, 2e-5
 neighbours are halved.
 """
 INNER_MM, OUTER_FACTOR = 0.35, 4.0
-"""Distance from the axis outside which the tolerance of integrals over positions is increased, and the factor."""
+"""Distance from the axis outside which the tolerance of integrals over positions is increased, and by which factor."""
 MAX_TOLERANCE = 2e-3
 MAX_U_RATIO = 10.0
 """Largest uncertainty of a strip whose integration ended early, relative to the tolerance."""

@@ -1,11 +1,12 @@
 """The traced response of a design for an emitter at any position and of any width, as one table.
 
-The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These are
-traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The light from a
-chip of any decentre and width is then the difference between two values of this integral. Positions are traced more
-densely where the response is curved. They are measured from the edge, i.e. the position at which the light passes from
-one receiver to the other; the edge moves with the angle, but the response relative to it changes slowly, so a few
-angles are sufficient. Directional receivers detect less light from each point, as described in `solen.sensor.readings`.
+The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These
+responses are traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The
+light from a chip of any decentre and width is then the difference between two values of this integral. Positions are
+traced more densely where the response is curved. Positions are measured from the edge, i.e. the position at which the
+light passes from one receiver to the other; the edge moves with the angle, but the response relative to the edge
+changes slowly, so a few angles are sufficient. Directional receivers detect less light from each point, as described in
+`solen.sensor.readings`.
 
 Public names: `Table` and `angles_deg`.
 """
@@ -94,7 +95,7 @@ class Table:
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def minus(self, other: "Table") -> "Table":
-        """Return the difference from a table with the same positions and edge that includes these angles."""
+        """Return this table minus another one that has the same positions and edge, and at least the same angles."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.indices(self.angle_deg)])
 
     @cached_property
@@ -128,7 +129,7 @@ class Table:
 
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
-    """Return the angles at which a response is traced: an odd number, so that every second one includes both ends."""
+    """Return the angles at which a response is traced: an odd number, so that every second angle includes both ends."""
     half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MAX_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 

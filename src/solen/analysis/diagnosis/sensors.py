@@ -169,7 +169,7 @@ class SensorDiagnoses(Result):
 
 @dataclass(frozen=True)
 class _Recorded:
-    """Design stored in a sensor's recording, and the deviations drawn in a simulation."""
+    """Design stored in a sensor's recording, and the random deviations of a simulated sensor."""
 
     design: Design | None = None
     drawn: Mapping[str, float] = field(default_factory=dict)
@@ -248,10 +248,10 @@ def _recorded(sensor: SensorResponse) -> _Recorded:
 
 
 def _design(sensor: SensorResponse, specified: Design | None, recorded: Design | None) -> Design:
-    """Return the design of a sensor; raise `DataError` without a design, or if its motion is not that recorded."""
+    """Return the design of a sensor; raise `DataError` without a design, or if the motion differs."""
     if specified is None:
         if recorded is None:
-            remedy = "name its design file with --design"
+            remedy = "name the design file of the sensor with --design"
             raise DataError(f"recording of {sensor.label}", limit="contains no design", remedy=remedy)
         return recorded
     for key in ("kind", "pivot", "moves") if recorded is not None else ():

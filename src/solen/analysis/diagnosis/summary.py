@@ -46,7 +46,7 @@ def advice(diagnosis: Diagnosis) -> list[str]:
 
 
 def pm(estimate: ParameterEstimate) -> str:
-    """Return a value with the half-width of its 95 % interval, both rounded to the precision of the latter."""
+    """Return a value with the half-width of its 95 % interval, both rounded to the precision of the half-width."""
     if estimate.value is None or estimate.low is None or estimate.high is None:
         return "not determined"
     return _pm(estimate.value, 0.5 * (estimate.high - estimate.low), estimate.unit)

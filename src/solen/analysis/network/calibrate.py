@@ -201,9 +201,9 @@ def _noise(stops: Sequence[States], recordings: Sequence[NetworkReadings]) -> Fl
 def _unseparated(
     motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder
 ) -> tuple[float, Determination | None]:
-    """Return the fraction of states in which motions cannot be separated, and one of these states.
+    """Return the fraction of states in which motions cannot be separated, and an example.
 
-    The states are drawn at random from the ranges, because between the recorded states the slopes are those of the map.
+    Random states within the ranges are used, so that the slopes of the map are also checked between recorded states.
     """
     angle = np.random.default_rng(0).uniform(forward.low, forward.high, (CHECKED_STATES, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)

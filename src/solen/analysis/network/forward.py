@@ -138,7 +138,7 @@ def _best_parameters(states: FloatArray, residual: FloatArray) -> tuple[FloatArr
 
 
 def _lengths(motions: int) -> Iterable[tuple[float, ...]]:
-    """Return the combinations of correlation lengths that are tried; with more than three motions they are equal."""
+    """Return the combinations of correlation lengths that are tried: equal lengths for more than three motions."""
     if motions > 3:
         return ((length,) * motions for length in LENGTHS)
     return product(LENGTHS if motions <= 2 else FEWER_LENGTHS, repeat=motions)

@@ -91,7 +91,7 @@ class NetworkReadings:
 
 
 def indices_of(kind: str, names: Sequence[str], recorded: Sequence[str], file: str) -> list[int]:
-    """Return the indices of names of one kind among those in a file; raise `DataError` if a name is missing."""
+    """Return the index of each name in the names recorded in a file; raise `DataError` if one is missing there."""
     for name in names:
         if name not in recorded:
             limit = f"contains no readings for {kind} {name}; it contains readings for {', '.join(recorded)}"
@@ -250,7 +250,7 @@ def _of_table(recording: Recording) -> NetworkReadings:
     for pair in product(emitters, receivers):
         if pair not in powers:
             limit = f"contains no column {'.'.join(pair)}, but every emitter requires a column for every receiver"
-            raise DataError(file, limit=limit, remedy=f"add it; {column_list(recording)}")
+            raise DataError(file, limit=limit, remedy=f"add this column; {column_list(recording)}")
     angles = _angles(recording)
     columns = [channel.values for channel in recording.channels]
     zeros = np.zeros(len(time.values))

@@ -263,7 +263,7 @@ class _Layout:
         for pair in pairs:
             if pair not in powers.indices:
                 limit = f"contains no column {'.'.join(pair)}, which the calibration requires"
-                raise DataError(STDIN, limit=limit, remedy=f"add it; the columns are {', '.join(lines.names)}")
+                raise DataError(STDIN, limit=limit, remedy=f"add this column; the columns are {', '.join(lines.names)}")
         shape = len(calibration.emitters), len(calibration.receivers)
         scale = scale_of(STDIN, powers.unit, calibration)
         return cls(

@@ -86,7 +86,8 @@ def trace_tasks(
 ) -> bool:
     """Trace the tasks from ``begin`` up to ``stop``; return False if there is no room for all waiting branches.
 
-    In ``sums``, fate, counts and location have one row per task; receivers, monitors and bins have starts of their own.
+    In ``sums``, fate, counts and location have one row per task; ``tasks`` contains the first row of each task's
+    receivers, monitors and bins.
     """
     for j in range(begin, stop):
         i = tasks.scene[j]

@@ -52,7 +52,9 @@ from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 UNTREATED, DEFERRED = -1, -2
-"""Marks for a ray that has not been treated yet, and for one left to the loop over single rays, which treats both."""
+"""Marks for a ray that has not been treated yet, and for a ray left to the loop over single rays. That loop treats rays
+with either mark.
+"""
 MAX_CURVES = 12
 """Maximum number of curves per block that are treated here: neighbouring rays meet few curves."""
 MIN_RAYS = 4
@@ -355,7 +357,7 @@ def split_directions(k: Precision, behaviour: int, n: int, rays: Rays, buffers: 
 
 @compiled
 def choose_first(k: Precision, tag: int, n: int, loads: Loads, buffers: Buffers) -> None:
-    """Choose which part of each ray is followed first, the weaker of two, and compute the powers of the other.
+    """Choose the part of each ray to follow first (of two, the weaker), and compute the powers of the other part.
 
     The direction of the first part then replaces the refracted direction, and that of the other part the reflected one.
     """

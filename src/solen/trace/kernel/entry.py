@@ -3,9 +3,9 @@
 Coordinates are those of the lens frame. A ray from in front of the face is advanced to it, layer by layer; a smooth
 face is one layer. Where a layer protrudes beyond the one that the ray comes from, the ray meets the horizontal *ledge*
 of that layer, which changes β, the quantity that vertical walls conserve. At a ledge one of the two parts is followed,
-drawn with probability proportional to its power. At the face both parts are followed, because reflected light may meet
+chosen with probability proportional to its power. At the face both parts are followed, because reflected light may meet
 the next ledge. Light that enters is advanced, with reflections off top and bottom, to the plane of the stem's base,
-unless it is already beyond that plane; behind it the body has vertical walls.
+unless it is already beyond that plane; behind the plane the body has vertical walls.
 
 Two cases are not modelled. Rays in the body that return to the face meet the cylinder of its middle section instead.
 Rays in the body that would meet a ledge from inside pass it.
@@ -303,7 +303,8 @@ def misses_above_or_below(f: Face, at: Vector, d: Vector, distance: float) -> bo
 def past_lens(f: FaceInMedia, walk: Walk) -> Walk:
     """Advance a ray that misses the face to a point just beside the body, with y limited to the slab.
 
-    Behind the plane of the base, the walls begin only behind a deeper face, so the ray is placed farther from them.
+    If the face is deeper than the plane of the base, the walls begin only behind the face. A ray behind this plane is
+    therefore placed farther from the walls.
     """
     face, at, d = f.face, walk.at, walk.beam.d
     if not d.z > 0.0 or d.x == 0.0:
@@ -338,7 +339,7 @@ def write_ray(f: FaceInMedia, rays: FaceRays, i: int, walk: Walk) -> None:
 def store_reflected(
     f: FaceInMedia, rays: FaceRays, free: IntArray, i: int, layer: int, random: float, walk: Walk
 ) -> None:
-    """Write the reflected part of a ray to a row of its own if it may reach the body; otherwise it turns back."""
+    """Write the reflected part of a ray to a separate row, or count it as turned back if it cannot reach the body."""
     power = power_of(walk.beam.light)
     rays.lost[REFLECTED] += power
     row, inside = free[0], rays.inside[i]
@@ -388,7 +389,7 @@ def enter(f: FaceInMedia, rays: FaceRays, i: int, free: IntArray) -> Walk:
 
 @linked
 def to_base(f: FaceInMedia, rays: FaceRays, i: int, walk: Walk) -> Walk:
-    """Advance a ray in the body, with its reflections, to the plane of the stem's base, unless it is behind it."""
+    """Advance a ray in the body, with its reflections, to the plane of the stem's base, if it is not yet there."""
     at, beam, optical, _ = walk
     d, inside = beam.d, rays.inside[i]
     remaining = max((f.face.base_z - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0

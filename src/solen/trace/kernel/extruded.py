@@ -193,7 +193,7 @@ def wall_parts(
 
 @compiled
 def store_beam(row: Floats, beam: Beam) -> None:
-    """Write the direction, basis and coherency of a ray."""
+    """Write the direction, basis and coherency matrix of a ray."""
     d, e, light = beam
     flat = math.sqrt(d.x * d.x + d.z * d.z)
     if flat < MIN_FLAT:

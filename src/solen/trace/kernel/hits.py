@@ -184,7 +184,7 @@ def oval_circle(o: Oval, x: float, z: float, dx: float, dz: float, outwards: flo
 def oval_step(
     k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, t: float, outwards: float
 ) -> tuple[float, bool, bool]:
-    """One Newton step along a ray: the new distance, whether it is the root, and whether there is no root.
+    """One Newton step along a ray: the new distance, whether this is the root, and whether there is no root.
 
     After a step h the error is at most h² f''/2 f', and f'' is at most n1/|P − F1| + n2/|P − F2|.
     """
@@ -218,7 +218,7 @@ def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, o
 
 @compiled
 def on_oval(k: Precision, o: Oval, x: float, z: float) -> bool:
-    """Whether a point of the oval is between the rays from the object focus to the front's ends and faces it."""
+    """Whether a point of the oval is on the front: between its ends as seen from the object focus, and facing it."""
     rx, rz, qx, qz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
     r, q = math.sqrt(rx * rx + rz * rz), math.sqrt(qx * qx + qz * qz)
     right, left = o.rx * rz - o.rz * rx >= -k.end, o.lx * rz - o.lz * rx <= k.end
@@ -313,7 +313,7 @@ def cubic_offset(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: floa
 
 @compiled
 def cubic_extremum(k: Precision, f0: float, f1: float, f2: float, f3: float) -> float:
-    """Parameter at which f has its extremum; 1 if there is none inside.
+    """Parameter at which f has its extremum; 1 if there is no extremum inside.
 
     f' is proportional to g0 (1 − u)² + 2 g1 u (1 − u) + g2 u²; if g0 and g2 differ in sign, it has one root.
     """

@@ -116,7 +116,7 @@ def add_rays(
 ) -> None:
     """Trace the rays at the stored parameters with indices from ``low`` up to ``high``.
 
-    If the angle is constant along the path, all have the direction ``along``.
+    If the angle is constant along the path, all rays have the direction ``along``.
     """
     turns = family.turn != 0.0
     for n in range(low, high):

@@ -7,7 +7,7 @@ receiver, or is reflected once more at top or bottom than the remainder. The int
 therefore exact.
 
 Branches are followed exactly down to a minimum weight and up to a maximum number of interfaces. The remaining power,
-the *tail*, is followed along a single path: at each interface one part is drawn, with probability proportional to its
+the *tail*, is followed along a single path: at each interface one part is chosen, with probability proportional to its
 power, and carries all of it (probabilistic ray splitting). The tail is thus sampled without bias, at a cost that grows
 with the number of interfaces and not with the number of branches.
 """
@@ -327,7 +327,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             value[unfinished] += (1.0 + above) * power
             if hits + 1 < max_hits:
                 tail, gain, fate = True, 1.0, GOES_ON
-            if above > 0.0:  # draw one of the two parts
+            if above > 0.0:  # choose one of the two parts
                 if uniform(rules.seed, sample, draw_count) * (1.0 + above) < above:
                     ya, yb = above_low, above_high
                 light, above, draw_count = scaled(light, 1.0 + above), 0.0, draw_count + 1

@@ -25,7 +25,7 @@ class Vector(NamedTuple):
 
 
 class Coherency(NamedTuple):
-    """Powers of the fields along e and perpendicular to e, and the correlation of the two fields."""
+    """Coherency matrix: powers of the fields along e and perpendicular to e, and their correlation cr + i·ci."""
 
     i1: float
     i2: float
@@ -34,7 +34,7 @@ class Coherency(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """Light: its direction, the basis vector e, and its coherency."""
+    """Light: its direction, the basis vector e, and its coherency matrix in the basis of e."""
 
     d: Vector
     e: Vector
@@ -88,7 +88,7 @@ def upright(d: Vector) -> Vector:
 
 @compiled
 def rotated_basis(light: Coherency, cos: float, sin: float) -> Coherency:
-    """Coherency in the basis rotated by an angle from e towards d × e."""
+    """Coherency matrix in the basis rotated by an angle from e towards d × e."""
     correlation, difference = 2.0 * cos * sin * light.cr, cos * sin * (light.i2 - light.i1)
     return Coherency(
         cos * cos * light.i1 + sin * sin * light.i2 + correlation,
@@ -100,7 +100,7 @@ def rotated_basis(light: Coherency, cos: float, sin: float) -> Coherency:
 
 @compiled
 def scaled(light: Coherency, factor: float) -> Coherency:
-    """Coherency with the power multiplied by a factor."""
+    """Coherency matrix with the power multiplied by a factor."""
     return Coherency(factor * light.i1, factor * light.i2, factor * light.cr, factor * light.ci)
 
 
@@ -143,7 +143,7 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
 
 @compiled
 def transformed(fraction_s: float, fraction_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
-    """Coherency with the powers of both fields and their correlation multiplied by factors, the last one complex."""
+    """Coherency matrix with the powers of both fields multiplied by factors, and their correlation by cr + i·ci."""
     return Coherency(
         fraction_s * light.i1, fraction_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
     )
@@ -151,7 +151,7 @@ def transformed(fraction_s: float, fraction_p: float, cr: float, ci: float, ligh
 
 @compiled
 def in_plane_of_incidence(d: Vector, e: Vector, n: Vector, light: Coherency) -> tuple[Vector, Coherency]:
-    """Return the unit vector s perpendicular to the plane of incidence, and the coherency in its basis."""
+    """Return the unit vector s perpendicular to the plane of incidence, and the coherency matrix in its basis."""
     normal_vector = cross(d, n)
     sine = math.sqrt(dot(normal_vector, normal_vector))
     if sine < PARALLEL:

@@ -2,7 +2,7 @@
 
 The loop over blocks of rays, the tree of one ray and the GPU thread store rays differently, but use the same three
 functions at an interface: `meet` advances a ray to it, `leave` computes the transmitted and reflected light, and `part`
-returns the ray for one of these.
+returns one of the two as a ray.
 """
 
 import math
@@ -81,7 +81,7 @@ class Arrival(NamedTuple):
 
 @compiled
 def event_of(rules: Rules, load: Load) -> Event:
-    """Return the event for random draws at the next hit of a ray."""
+    """Return the event that identifies the random numbers at the next hit of a ray."""
     return Event(rules.seed, rules.first + rules.step * load.number, load.hits)
 
 
@@ -199,7 +199,7 @@ def part(hit: Hit, arrival: Arrival, parts: SplitRay, load: Load, back: bool) ->
 
 @compiled
 def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
-    """Free path in mm of a ray before it is scattered in a medium, drawn from an exponential distribution."""
+    """Free path in mm of a ray before it is scattered in a medium, sampled from an exponential distribution."""
     scattering = tables.scattering[load.colour, region]
     if not scattering > 0.0:
         return k.none

@@ -14,7 +14,7 @@ from solen.trace.kernel.rows import ABSORBING, MIRROR, RECEIVER, Precision
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 
 COUNT, BRANCHES, ROULETTE = range(3)
-"""Treatment of partial reflection: all light is transmitted, both parts are followed, or one part is drawn."""
+"""Treatment of partial reflection: all light is transmitted, both parts are followed, or one random part."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
 """Treatment of partial reflection by trace mode."""
 
@@ -135,7 +135,7 @@ def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> 
 
 @compiled
 def random_part(k: Precision, event: Event, power: float, d: SplitRay) -> tuple[SplitRay, float, float]:
-    """Draw one of two parts, which then carries all the power; also return the power of each part."""
+    """Choose one of two parts at random, to carry all the power; also return the power of each part."""
     on, back = d.on_s + d.on_p, d.back_s + d.back_p
     if uniform(event.seed, event.ray, event.hit) * power < back:
         back_s, back_p = d.back_s * power / back, d.back_p * power / back

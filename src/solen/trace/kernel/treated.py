@@ -121,7 +121,7 @@ def at_treated(  # noqa: C901  one case for each kind of surface
 def at_grating(
     k: Precision, tables: Tables, t: Treatment, splitting: int, colour: int, event: Event, ray: Incidence
 ) -> SplitRay:
-    """As `at_treated`, at a grating with its normal on the side of the ray: a single, drawn order carries all power.
+    """As `at_treated`, at a grating with its normal on the side of the ray: one random order carries all power.
 
     The probability of an order is proportional to its diffraction efficiency. Positive orders are deflected to the
     right.
@@ -167,7 +167,7 @@ def facet(
 ) -> tuple[float, float]:
     """Normal of the ripple facet that a ray meets, on the side of the ray.
 
-    Facets are drawn in proportion to their projected size. Facets that would direct light through the surface again,
+    Facets are sampled in proportion to their projected size. Facets that would direct light through the surface again,
     or that the ray cannot reach, are rejected.
     """
     cos_in, sine = -(dx * nx + dz * nz), dx * -nz + dz * nx
@@ -197,7 +197,7 @@ def facet(
 def scattered(
     tables: Tables, t: Treatment, event: Event, purpose: int, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
-    """Direction of a part, on the side of the normal: unchanged, or drawn from the profile around it."""
+    """Direction of a part, on the side of the normal: unchanged, or sampled from the profile around it."""
     if not uniform_of(event, purpose) < t.scatter_fraction:
         return dx, dz
     smooth = dx * -nz + dz * nx
@@ -244,7 +244,7 @@ def tabulated_offset(tables: Tables, t: Treatment, fraction: float, in_space: bo
 def tabulated(tables: Tables, t: Treatment, from_right: bool, cos: float, no_transmission: bool) -> Amplitudes:
     """Power fractions at an angle of incidence, linearly interpolated; without transmission all light is reflected.
 
-    A table contains no phases: reflected fields get those of a perfect mirror, and transmitted fields none.
+    A table contains no phases: reflected fields get the phases of a perfect mirror, transmitted fields get no phase.
     """
     low = int(t.first_row + t.rows) if from_right and t.rows_right > 0.0 else int(t.first_row)
     high = low + int(t.rows_right if from_right and t.rows_right > 0.0 else t.rows) - 1
@@ -266,7 +266,7 @@ def tabulated(tables: Tables, t: Treatment, from_right: bool, cos: float, no_tra
 
 @compiled
 def harvey_shack_acceptance(width: float, wing: float, offset: float) -> float:
-    """Acceptance probability of a Cauchy draw for the profile (1 + offset²)^(−wing/2), truncated at 2 / width."""
+    """Acceptance probability of a Cauchy sample for the profile (1 + offset²)^(−wing/2), truncated at 2 / width."""
     widest = 2.0 / width
     power = 1.0 - 0.5 * wing
     largest = (1.0 + widest * widest) ** power if power > 0.0 else 1.0

@@ -115,7 +115,7 @@ def facet(t: Treatment, event: Event, d: Vector, border: Border) -> Vector:
 
 @compiled
 def scattered(tables: Tables, t: Treatment, event: Event, purpose: int, d: Vector, n: Vector) -> Vector:
-    """Direction drawn from the profile around the smooth direction, on the side of the wall normal."""
+    """Direction sampled from the profile around the smooth direction, on the side of the wall normal."""
     sine = d.x * -n.z + d.z * n.x
     for i in range(TRIES):
         random_1, random_2 = uniform_of(event, purpose + 2 * i + 1), uniform_of(event, purpose + 2 * i + 2)
