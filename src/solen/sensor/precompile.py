@@ -23,6 +23,8 @@ from solen.spec import loads, template, with_values
 Sensor.of(with_values(loads(template({name!r})), {values!r})).power((0.0,), tolerance=1e-2)
 """
 
+_STARTED: list[subprocess.Popen[bytes]] = []  # kept: Python warns of a running process whose object is deleted
+
 
 def parts_to_compile() -> list[str]:
     """Return Python programs that compile the parts not yet on disk; none if there is no cache folder."""
@@ -41,4 +43,5 @@ def precompile() -> None:
     for program in parts_to_compile():
         devnull = subprocess.DEVNULL
         command = [sys.executable, "-c", program]
-        subprocess.Popen(command, stdin=devnull, stdout=devnull, stderr=devnull)  # noqa: S603  a fixed program
+        process = subprocess.Popen(command, stdin=devnull, stdout=devnull, stderr=devnull)  # noqa: S603  a fixed program
+        _STARTED.append(process)
