@@ -162,8 +162,8 @@ class Jobs:
         ----------
         name
             The command.
-        given
-            Arguments of the work after its `Reporter`; they are pickled.
+        work, arguments
+            The work, and its arguments after the `Reporter`, which are pickled.
         details
             Description of the job that a page shows from the start.
 

@@ -173,5 +173,6 @@ def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path
     if figure is None:
         return targets
     if figure.resolve() in {target.resolve() for target in targets.values()}:
-        raise OutputError(str(figure), limit="is also another output of this command", remedy="rename the figure")
+        limit = "is also another output of this command"
+        raise OutputError(str(figure), limit=limit, remedy="choose another name for the figure")
     return targets | {"figure": figure}
