@@ -233,7 +233,7 @@ class NiDaq:
         longest, shortest = 1.0 / (self.rate_hz * channels), 1.0 / self._model.rate_hz
         self._notices = [
             f"{self.name} does not report its conversion rate: successive inputs are assumed to be sampled "
-            f"{1e6 * longest:.3g} µs apart, which may be as little as {1e6 * shortest:.3g} µs"
+            f"{1e6 * longest:.3g} µs apart, but the interval may be as short as {1e6 * shortest:.3g} µs"
         ]
         return longest
 

@@ -27,7 +27,7 @@ from solen.bench.visa import Scpi
 from solen.errors import DataError
 
 MIN_CODE, MAX_CODE = 1, 255
-"""Bytes up to the first or from the second on are off the screen; on a Keysight, 0 means no sample."""
+"""A byte of at most the first or at least the second value is off the screen; on a Keysight, 0 means no sample."""
 POLL_S = 0.01
 MIN_SAMPLES = 2
 

@@ -129,7 +129,7 @@ class Rig(BenchTable):
     """A stage, a board, a DAQ device or a meter, and the sensors connected to them."""
 
     name: Text = Field(description="name of the rig.")
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of all random draws.")
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of all random numbers.")
     stage: StageTable = Field(default_factory=StageTable, description="The stage, which moves the sensors.")
     stages: dict[str, StageTable] = Field(
         default_factory=dict, description="For a network: a stage for each motion, [stages.MOTION]."

@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """Files of a job, written in the order of `contents`: images first, as the others contain their statistics."""
+    """Files of a job, written in the order of `contents`: images first, because others contain their statistics."""
 
     job: Job
     part: Printable
