@@ -144,7 +144,7 @@ class RigCheck(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """The problems."""
+        """The faults."""
         return self.faults
 
     def to_dict(self) -> dict[str, Any]:
@@ -198,7 +198,9 @@ def rig_check(rig: Rig, levels: InputReadings) -> RigCheck:
         fault for sensor in rig.sensor for fault in _faults(rig, sensor, inputs[sensor.name], levels, mean, responds)
     ]
     if dark := [str(number) for number, lit in enumerate(responds.any(axis=1).tolist(), 1) if not lit]:
-        remedy = "check its wire, its transistor and its supply"
+        remedy = "check the wire, the transistor and the supply of each of these emitters"
+        if len(dark) == 1:
+            remedy = "check its wire, its transistor and its supply"
         faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {remedy}"))
     rows = tuple(tuple(row) for row in mean.tolist())
     cell = None if rig.load_cell is None else _cell(rig.load_cell, levels)

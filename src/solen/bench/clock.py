@@ -1,6 +1,6 @@
 """The time of a run: real time, or a simulated time that passes only while something waits.
 
-No part of the bench asks the system for the time or sleeps directly; each uses the clock that is passed to it. With a
+No part of the bench asks the system for the time or sleeps directly, but uses the clock that is passed to it. With a
 `SimulatedClock` a protocol of a minute runs as fast as its values can be computed, and always with the same result.
 
 The readings of a clock that advances in steps are late by up to one step, `Clock.resolution_s`, which every recording

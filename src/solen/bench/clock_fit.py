@@ -3,8 +3,8 @@
 The board stamps its periods with its own clock, which runs a little fast or slow and has another origin. A frame was
 sent before it arrived, by an unknown delay that is never negative and sometimes nearly zero. Of all lines below the
 points (board's time, time of arrival), the nearest is therefore the board's clock on the run's clock, except for the
-shortest delay: it extends an edge of the points' lower convex hull. In a short run the slope of this edge depends more
-on the delays than on the clocks; the slope is therefore weighted against the usual accuracy of quartz clocks.
+shortest delay. This line extends an edge of the points' lower convex hull. In a short run the slope of the edge depends
+more on the delays than on the clocks; it is therefore weighted against the usual accuracy of quartz clocks.
 
 Arrivals alone do not determine the shortest delay. An exchange, a query of the instrument's clock and its reply, bounds
 it: the instrument read its clock after the query was sent and before the reply arrived. Half the range that all

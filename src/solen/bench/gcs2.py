@@ -52,7 +52,7 @@ def unit_of(stage: str, unit: Unit | None) -> Unit:
     """Return a given unit, or that in `STAGES`; raise `BenchError` if neither is known, or if they differ."""
     known = STAGES.get(stage)
     if unit is None and known is None:
-        limit = f"the unit of this stage is not known; those of {', '.join(STAGES)} are"
+        limit = f"has an unknown unit; only those of {', '.join(STAGES)} are known"
         raise BenchError("stage", value=stage, limit=limit, remedy='set its unit to "deg" or "mm"')
     if unit is not None and known is not None and unit != known:
         raise BenchError("unit", value=unit, limit=f"{stage} moves in {known}")

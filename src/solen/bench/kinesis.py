@@ -147,7 +147,7 @@ class KinesisStage(LineStage):
         self._send_message(MOVE, data=_POSITION.pack(1, self._checked(self._target)))
 
     def position(self) -> float:
-        """Return the position in deg or mm: that of the encoder, or for a stepper that computed from its steps."""
+        """Return the position in deg or mm, from the encoder, or for a stepper from the steps of its motor."""
         return (self._status()[0] - (self._zero or 0.0)) / self._per_unit
 
     def on_target(self) -> bool:

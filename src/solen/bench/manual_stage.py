@@ -117,7 +117,7 @@ class ManualStage:
             threading.Thread(target=self._queue_line, daemon=True).start()
 
     def _queue_line(self) -> None:
-        """Read a line, and queue it as the reply to the last prompt when it arrived."""
+        """Read a line, and queue it as the reply to the latest prompt."""
         line = self._read()
         with self._lock:
             self._waiting = False

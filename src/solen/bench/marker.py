@@ -145,7 +145,7 @@ def rotation_of(corners: FloatArray) -> Rotation:
     degrees_of_freedom = max(5 * len(corners) - 8, 1)
     sd = float(np.sqrt(((in_plane - model) ** 2).sum() / degrees_of_freedom))
     side_px = float(np.hypot(*np.moveaxis(np.diff(corners, axis=1), -1, 0)).mean())
-    # a rotation moves each corner by its distance from the centre; the squares add up to 2
+    # a corner moves by its distance from the centre per radian; the squares of the four distances add up to 2
     u_deg = float(np.degrees(sd / np.sqrt(2.0)))
     return Rotation(np.degrees(np.unwrap(angle)), u_deg, corners[:, :, 1].mean(axis=1), sd * side_px)
 

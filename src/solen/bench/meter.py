@@ -93,7 +93,7 @@ class PolledMeter(ABC):
         self._thread.start()
 
     def read(self) -> list[Reading]:
-        """Return the readings since the last call; raise the error that ended the polling, if there are none."""
+        """Return the readings since the last call; if there are none, raise any error that ended the polling."""
         readings, fault = [], self._fault  # the fault first: all earlier readings are then in the queue
         while True:
             try:

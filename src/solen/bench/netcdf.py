@@ -80,7 +80,7 @@ class RecordedRun(Result):
     simulated
         Whether any of its data are simulated.
     cautions
-        Warnings from the recording, except those of losses.
+        Warnings from the recording, except those about losses.
     """
 
     path: Path = field(metadata=HIDDEN)

@@ -123,7 +123,7 @@ class NiDaq:
             self._begin()
 
     def read(self) -> Samples:
-        """Return the samples since the last call; none, and a notice, if some were overwritten."""
+        """Return the samples since the last call; if some were overwritten, return only a notice."""
         channels = len(self.setup.channels)
         if not self._tasks:
             return Samples(self._segment, self._next, np.zeros((0, channels), np.int16))
@@ -176,7 +176,7 @@ class NiDaq:
         return model
 
     def _prepare(self) -> None:
-        """Make the tasks that switch the emitters, and last that of the inputs, reserved but not started."""
+        """Make and reserve the tasks that switch the emitters, then that of the inputs; none is started."""
         with self._translated("configure"):
             for emitter, (counter, terminal, _) in enumerate(self._switches):
                 task, self.switch_hz = counter_task(self._ni, self._device, self.setup, emitter, counter, terminal)
@@ -233,7 +233,7 @@ class NiDaq:
         longest, shortest = 1.0 / (self.rate_hz * channels), 1.0 / self._model.rate_hz
         self._notices = [
             f"{self.name} does not report its conversion rate: successive inputs are assumed to be sampled "
-            f"{1e6 * longest:.3g} µs apart, which may be as little as {1e6 * shortest:.3g} µs"
+            f"{1e6 * longest:.3g} µs apart, but the interval may be as short as {1e6 * shortest:.3g} µs"
         ]
         return longest
 
@@ -286,7 +286,7 @@ class NiDaq:
         return None
 
     def _lower(self) -> None:
-        """Set every line in use low, the enabling line first; raise `BenchError` after all were tried."""
+        """Set every line in use low, the enabling line first; if one fails, raise `BenchError` after the last."""
         counter_lines = tuple(line for _, _, line in self._switches if line)
         faults = []
         for line in (*self.setup.static_lines.values(), *counter_lines, *self.setup.lines):

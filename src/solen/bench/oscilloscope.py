@@ -7,7 +7,7 @@ another channel distinguishes (`solen.bench.phases`); a record is too short to d
 Records are not kept.
 
 The meaning of the numbers in the preamble depends on the manufacturer: Keysight, InfiniiVision Programmer's Guide,
-``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Others are not supported.
+``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Oscilloscopes of others are not supported.
 
 Public name: `Oscilloscope`.
 """
@@ -27,7 +27,7 @@ from solen.bench.visa import Scpi
 from solen.errors import DataError
 
 MIN_CODE, MAX_CODE = 1, 255
-"""Lowest and highest byte: the sample is off the screen, as it is with 0, which on a Keysight means no sample."""
+"""A byte of at most the first or at least the second value is off the screen; on a Keysight, 0 means no sample."""
 POLL_S = 0.01
 MIN_SAMPLES = 2
 
@@ -41,8 +41,8 @@ class Dialect:
     setup
         Commands before the first acquisition.
     acquire
-        Commands of an acquisition of some channels; each command with whether to wait until the record is complete, or
-        until it no longer is.
+        Commands of an acquisition of some channels, each with a flag: whether to wait until the record is complete
+        (True), or until the previous record is discarded (False).
     state, complete
         Query of the state of the record, and the reply to it when the record is complete.
     volts
@@ -74,7 +74,7 @@ DIALECTS = {
             (":STOP", True),
             (":SING", False),
             (":TFOR", True),
-        ),  # until it is armed, its state is that of the last record
+        ),  # before it is armed, it reports the state of the last record
         ":TRIG:STAT?",
         "STOP",
         lambda byte, increment, origin, reference: (byte - origin - reference) * increment,
@@ -157,7 +157,7 @@ class Oscilloscope(PolledMeter):
         self._scope.close()
 
     def _command_and_wait(self, command: str, complete: bool, sent_s: float) -> None:
-        """Send a command and wait until the record is complete, or until it no longer is."""
+        """Send a command, and wait until the record is complete or, if ``complete`` is false, has been discarded."""
         state = self._command_and_query(command, self._dialect.state)
         while (state == self._dialect.complete) != complete:
             if self._clock.now_s() > sent_s + self._timeout_s:

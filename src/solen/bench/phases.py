@@ -20,7 +20,7 @@ from solen.bench.daq import Setup
 from solen.errors import DataError
 
 COUNTER_JITTER_US = 5.0
-"""Time in µs that exceeds the delay between an edge of a counter and one of the sampling clock; a sample at an edge is
+"""Upper limit in µs of the delay between an edge of a counter and one of the sampling clock; a sample at an edge is
 omitted.
 """
 MIN_SYNC_V = 0.5
@@ -33,9 +33,9 @@ MAX_LINE_SAMPLES = 0.75
 
 
 def clock_channels(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
-    """Return the channels from which the clock is determined, and the index of the channel to which it refers.
+    """Return the channels from which the clock of the emitters is determined, and the channel index to which it refers.
 
-    The channels are the sync, or some inputs; the index is their mean.
+    The channels are the sync, or some inputs. With external switching, the index is the mean of theirs, otherwise 0.
     """
     channels = [setup.inputs] if setup.synced else list(inputs)
     return channels, float(np.mean(channels)) if setup.switching == "external" else 0.0
@@ -94,7 +94,7 @@ def _sync_clock(time_s: FloatArray, volts: FloatArray, setup: Setup) -> Clock:
     rises, falls = _edges(time_s, volts)
     if len(rises) < 2:
         limit = "two are needed in a window of samples"
-        raise DataError("rising edges of the sync", value=len(rises), limit=limit, remedy="check its wire")
+        raise DataError("rising edges of the sync", value=len(rises), limit=limit, remedy="check the wire of the sync")
     usual_s = float(np.median(np.diff(rises)))
     number = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(rises) / usual_s), 1.0))])
     line = np.polyfit(number, rises, 1)

@@ -44,10 +44,11 @@ class Step(BenchTable):
     table: ClassVar[str] = "step"
 
     to_deg: Annotated[Angle | ByMotion[Angle], _POSITION] | None = Field(
-        None, description="Target angle, in degrees; with several motions, keyed by motion: the others stay."
+        None,
+        description="Target angle, in degrees; with several motions, keyed by motion; those without a target stay.",
     )
     to_mm: Annotated[Shift | ByMotion[Shift], _POSITION] | None = Field(
-        None, description="Target position, in mm; with several motions, keyed by motion: the others stay."
+        None, description="Target position, in mm; with several motions, keyed by motion; those without a target stay."
     )
     to_N: Positive | None = Field(None, description="Target force, in N, measured by the rig's load cell.")
     velocity_deg_per_s: Positive | None = Field(None, description="Velocity, in degrees per second.")
@@ -165,7 +166,7 @@ def boustrophedon(positions: Mapping[str, Sequence[float]]) -> list[dict[str, fl
 def _scattered(
     positions: Mapping[str, Sequence[float]], count: int, begin: Mapping[str, float]
 ) -> Iterator[dict[str, float]]:
-    """Yield states of a Halton sequence over the ranges of positions, each the nearest one to the previous state."""
+    """Yield states of a Halton sequence over the ranges of positions, in an order with short moves."""
     low, high = (np.array([end(values) for values in positions.values()]) for end in (min, max))
     remaining = low + (high - low) * _halton(count, len(positions))
     state = np.array(list(begin.values()))
@@ -219,7 +220,7 @@ class Protocol(BenchTable):
         if len({step.unit for step in self.steps}) > 1:
             raise refused("step", "must all be in deg, or all in mm")
         if len({"" in step.targets for step in self.steps}) > 1:
-            raise refused("step", "must all name motions, or none may name one")
+            raise refused("step", "must either all name motions, or all name none")
         if self.slow_share is not None and self.slow_cycles == 0:
             raise refused("slow_share", "requires slow_cycles", value=self.slow_share, remedy="omit it")
         if self.shortest_s > MAX_DURATION_S:

@@ -41,7 +41,7 @@ def segments(board: Rows) -> list[tuple[int, int]]:
 
 
 def interrupted_spans(journal: JournalContent) -> list[tuple[float, float]]:
-    """Return the spans of time from the last complete cycle of a part until the next part is at rest."""
+    """Return the time spans from the last complete cycle before an interruption until the stage is at rest again."""
     spans, complete_s, begin_s = [], -math.inf, None
     for event in journal.events:
         if event["what"] == "begun" and event["part"] > 0 and begin_s is None:
@@ -57,8 +57,8 @@ def interrupted_spans(journal: JournalContent) -> list[tuple[float, float]]:
 class View(NamedTuple):
     """A sensor under one of its emitters: a name, the emitter, and the inputs of the receivers, counted from 1.
 
-    ``sensor`` is the entry of the sensor in a journal's header. For a sensor with one emitter, ``name`` is its own; for
-    a network the name of the emitter is added.
+    ``sensor`` is the entry of the sensor in a journal's header. ``name`` is the name of the sensor, for a network
+    followed by that of the emitter.
     """
 
     name: str

@@ -67,19 +67,20 @@ class SensorTable(BenchTable):
         for key, numbers in network.items():
             repeated = _repeated((numbers or {}).values())
             if repeated is not None:
-                raise refused(key, f"must not contain {repeated} twice", remedy="use a different number for each")
+                limit = f"must contain different numbers, but {repeated} occurs twice"
+                raise refused(key, limit, remedy=f"use a different number for each of the {key}")
         if self.is_network and not self.lens:
             raise refused("lens", "is for a sensor with one lens", value=False, remedy="omit it")
         return self
 
     @property
     def is_network(self) -> bool:
-        """Whether it is a network, whose emitters have names."""
+        """Whether the sensor is a network, whose emitters have names."""
         return self.emitters is not None
 
     @property
     def emitter_numbers(self) -> dict[str, int]:
-        """Numbers of the board's emitters, keyed by the sensor's names of them; a single emitter has no name."""
+        """Numbers of the board's emitters, keyed by their names in the design; a single emitter has no name."""
         return self.emitters or {"": self.emitter or 1}
 
     @property
@@ -89,7 +90,7 @@ class SensorTable(BenchTable):
 
 
 class Spread(BenchTable):
-    """Variation of simulated prints, drawn once for each sensor."""
+    """Variation of simulated prints, sampled at random once for each sensor."""
 
     table: ClassVar[str] = "spread"
 
@@ -128,7 +129,7 @@ class Rig(BenchTable):
     """A stage, a board, a DAQ device or a meter, and the sensors connected to them."""
 
     name: Text = Field(description="name of the rig.")
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of all random draws.")
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of all random numbers.")
     stage: StageTable = Field(default_factory=StageTable, description="The stage, which moves the sensors.")
     stages: dict[str, StageTable] = Field(
         default_factory=dict, description="For a network: a stage for each motion, [stages.MOTION]."
@@ -178,11 +179,11 @@ class Rig(BenchTable):
                 remedy = 'set port, or [board] with driver = "serial"'
                 raise refused(f"{key}.driver", "requires a board", value="board", remedy=remedy)
             if samples and stage.port == self.board.port:
-                remedy = "omit it: the motor of the sampling board is then used"
+                remedy = f"omit {key}.port: the motor of the sampling board is then used"
                 raise refused(f"{key}.port", "is also the port of [board]", value=stage.port, remedy=remedy)
 
     def _check_motions(self) -> None:
-        """Reject stages of several motions without a network, a network without them, and keys that exclude them."""
+        """Reject [stages] without a network, a network without [stages], and keys that [stages] excludes."""
         networks = [sensor.name for sensor in self.sensor if sensor.is_network]
         if networks and not self.stages:
             limit = f"are missing: each motion of {networks[0]} requires a stage"

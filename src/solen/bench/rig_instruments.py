@@ -17,7 +17,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 
 
 def _check_driver(table: "StageTable | BoardTable | DaqTable", key: str) -> None:
-    """Reject a driver that is unknown for this role; require the key that locates a real instrument, and only then."""
+    """Reject an unknown driver, a real instrument without the key that locates it, and a simulated one with it."""
     known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
     if table.driver != "simulated" and table.driver not in known:
         raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
@@ -280,7 +280,7 @@ class MeterTable(BenchTable):
     )
     sync: Text | None = Field(
         None,
-        description="For an oscilloscope: channel that is high while emitters are on; default: they are always on.",
+        description="For an oscilloscope: channel that is high while the emitters are on; omit it for steady light.",
     )
     switch_hz: Positive = Field(
         200.0, description="For an oscilloscope with a sync: switching frequency of the emitters in Hz."
@@ -298,9 +298,8 @@ class MeterTable(BenchTable):
             _check_keys(self, takes)
         for key in ("switch_hz", "settle_us"):
             if key in self.model_fields_set and self.sync is None:
-                raise refused(
-                    key, "is not used without a sync", value=getattr(self, key), remedy="add sync, or omit it"
-                )
+                remedy = f"set sync, or omit {key}"
+                raise refused(key, "is not used without a sync", value=getattr(self, key), remedy=remedy)
         return self
 
     @property

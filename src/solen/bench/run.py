@@ -123,15 +123,27 @@ def run(
     previous: JournalContent | None = None,
     watch: Watch | None = None,
 ) -> None:
-    """Run a protocol, or the part that remains after the previous ones, and end the journal.
+    """Run a protocol, or resume an interrupted run after its last complete cycle.
+
+    However the run ends, the emitters are switched off, the stages are stopped, and the journal states the reason. If
+    an instrument cannot be stopped, this is recorded in the journal, and a note that names the instrument is added to
+    the exception that ended the run.
+
+    Parameters
+    ----------
+    protocol, instruments, journal
+        The motion, the instruments, and the journal to which the data are written.
+    previous
+        Content of the journal of the interrupted run; None for a new run.
+    watch
+        Called with the state of the run.
 
     Raises
     ------
     BenchError
-        If an instrument fails; the data recorded until then are in the journal, which states the failure. Emitters are
-        off and the stage is at rest.
+        If the protocol does not suit the stages, or an instrument fails.
     KeyboardInterrupt
-        If Ctrl-C stopped it, with the same result. In both cases, notes name what could not be stopped.
+        If Ctrl-C ends the run.
     """
     stages = instruments.stages
     for stage in stages.values():

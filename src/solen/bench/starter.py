@@ -126,7 +126,7 @@ def _numbered(names: list[str]) -> str:
 
 
 def _positions(network: Network) -> list[str]:
-    """Return a line with positions of each motion over its range, both ends included; combinations are limited."""
+    """Return a line for each motion: positions over its range, both ends included, within `MAX_COMBINATIONS`."""
     most = max(2, int(MAX_COMBINATIONS ** (1.0 / len(network.motion)) + 1e-9))
     lines = []
     for motion in network.motion:

@@ -23,9 +23,9 @@ from solen.bench.journal_content import JournalContent, Rows
 from solen.ranks import Caution, warning
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
-"""Part of the run; times of query and reply, and the position in the reply."""
+"""Row of a position query: part of the run, times of query and reply, and the position in the reply."""
 EXCHANGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("device_s", "<f8")])
-"""Part of the run; times of the query of a sampler's clock and of the reply, and the time in the reply (NaN: none)."""
+"""Row of a clock query to a sampler: part of the run, times of query and reply, time in the reply (NaN: none)."""
 MIN_MOVE = 1e-3
 """Fraction of the range by which the position changes from query to query if the stage is considered to move."""
 START_S = 2.0

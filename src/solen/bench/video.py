@@ -271,17 +271,17 @@ def _check_stamps(stamps: FloatArray, warnings: list[Caution]) -> None:
         warnings.append(warning(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: frames were dropped"))
     spread = float(np.std(steps[steps <= GAP * usual]))
     if spread > UNEVEN * usual:
-        varying = f"frame intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
-        warnings.append(note(f"{varying}; each angle is at the time stamp of its frame"))
+        varying = f"the intervals between frames vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
+        warnings.append(note(f"{varying}; the time of each angle is the time stamp of its frame"))
 
 
 def _scatter(angle: FloatArray) -> float:
-    """Return the noise of an angle from its second differences, most of which are at rest or in uniform motion."""
+    """Return the noise of an angle from its second differences, most of which are from rest or uniform motion."""
     return float(1.4826 * np.median(np.abs(np.diff(angle, 2))) / np.sqrt(6.0))
 
 
 def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
-    """Return the uncertainty of the zero: 0 if the marker is at rest at the beginning, else uniform over its motion."""
+    """Return the uncertainty of the zero: 0 if the marker is at rest at first, else from its range of motion."""
     half = len(angle) // 2
     shift = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))

@@ -127,7 +127,7 @@ class Waveform:
             yield _Segment(begin, end, line, f"{part}.{number}")
 
     def _clock_line(self, arrivals: Rows, journal: JournalContent, part: int, segment: int) -> ClockLine:
-        """Return the line from the device's clock to the run's clock; the exchange at the start is of segment 0."""
+        """Return the line from the device's clock to the run's clock; only segment 0 has an exchange, at its start."""
         if len(arrivals) == 0:
             return ClockLine(0.0, 1.0, 0.0)
         arrival_s = latest_arrival_s(arrivals, journal)

@@ -39,7 +39,7 @@ class FigureOptions(Options):
     no_titles: bool = False
     """Omit titles from the picture, except a note that data are simulated; the file's description keeps them."""
     letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), reported_as(LETTERS_LIMIT)] = None
-    """Letter the panels, starting with: A, a, (a); or E for the panels of a figure assembled from several files."""
+    """Letter the panels, starting with A, a or (a), or with E if a figure is assembled from several files."""
     panels: str = ""
     """Draw only some panels, such as AC; the first is A, AA comes after Z. Separate double letters by commas: A,AA."""
     limits: tuple[str, ...] = ()
@@ -90,7 +90,6 @@ def _ends(text: str) -> Limits:
     except ValueError:
         low = high = 0.0
     if axis not in {"x", "y"} or (panel and not panel.isalpha()) or not 0.0 < abs(high - low) < math.inf:
-        raise SpecError(
-            "--limits", value=text, limit="must be an axis and two numbers", remedy="write as x=400:900 or B.y=0:1"
-        )
+        limit = "must be an axis and two different numbers"
+        raise SpecError("--limits", value=text, limit=limit, remedy="write x=400:900, or B.y=0:1 for panel B")
     return panel.upper() or None, axis, low, high

@@ -55,7 +55,7 @@ class PageCommand:
     first
         Options that are shown at once; all others require a further click.
     live
-        Parameters that accept an observer of the run, with its class, ``module:name``, which takes a `Reporter`.
+        Parameters that accept an observer of the run, and its class, ``module:name``, created with a `Reporter`.
     hidden
         Parameters that are not shown on a page.
     """

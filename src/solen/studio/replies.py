@@ -34,7 +34,7 @@ class View(Strict):
 
     angle_deg: Number = Field(0.0, description="Angle, or value of whatever else the motion drives.")
     rays: int = Field(DEFAULT_RAYS, ge=1, le=MAX_RAYS, description="Rays drawn.")
-    split: bool = Field(False, description="Whether both branches are followed at each face, rather than whole rays.")
+    split: bool = Field(False, description="Whether rays are split at faces; otherwise, rays stay whole.")
     light: Literal["design", "plane", "space"] = Field(
         "design", description="Whether the response is traced in the plane or in space."
     )
@@ -225,7 +225,7 @@ def refined_frames(
 
 
 def tolerance_frames(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
-    """Yield frames with the effects of tolerances, largest first, and their combination; each adds a tolerance."""
+    """Yield frames with the effects of tolerances, largest first, and their combination; each frame adds one effect."""
     effects: list[ToleranceEffect] = []
     for effect in tolerance_effects(shown_sensor(state, view), stop):
         effects = sorted([*effects, effect], key=lambda item: item.largest, reverse=True)

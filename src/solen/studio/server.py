@@ -147,7 +147,7 @@ def serve(
     OutputError
         If the packages of the extra ``studio`` are not installed.
     SpecError
-        If the address cannot be listened at.
+        If the server cannot listen at this address.
     """
     server, listening, page = server_at(document, address, port, printed_lines)
     announce(page)

@@ -78,7 +78,7 @@ class Session:
         try:
             waiting = merged(self.waiting, PageRequest(**request_of(message)))
             if len(waiting) > MAX_PENDING:
-                raise SpecError("requests", limit=f"at most {MAX_PENDING} may wait", remedy="wait for an answer")
+                raise SpecError("requests", limit=f"at most {MAX_PENDING} may wait", remedy="wait for a reply")
         except SolenError as bad:
             await self.send(_error_frame(0, bad))
             return

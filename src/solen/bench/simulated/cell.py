@@ -1,7 +1,7 @@
 """A simulated load cell under the finger of a simulated stage.
 
-The cell has the characteristics in the rig file, with a scale error drawn from the uncertainty there, and a deviation
-from a straight line of at most the nonlinearity there.
+The cell has the characteristics in the rig file, with a scale error sampled at random from its uncertainty, and a
+deviation from a straight line of at most its nonlinearity.
 
 Public name: `SimulatedCell`.
 """
@@ -42,7 +42,7 @@ class SimulatedCell:
 
     @classmethod
     def drawn(cls, nominal: LoadCell, sensor: SimulatedSensor, rng: np.random.Generator) -> "SimulatedCell":
-        """Draw the errors of a load cell within its uncertainty and nonlinearity."""
+        """Return a load cell whose errors are random samples within its uncertainty and nonlinearity."""
         scale_error = 0.01 * (nominal.u_sensitivity_percent or 0.0) * float(rng.standard_normal())
         bow_N = 0.01 * nominal.nonlinearity_percent * (nominal.capacity_N or 0.0) * float(rng.uniform(-1.0, 1.0))
         return cls((nominal.input or 1) - 1, sensor, nominal, scale_error, bow_N)

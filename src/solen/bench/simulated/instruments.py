@@ -40,7 +40,7 @@ def simulated_instruments(
     folder
         Base folder of the rig's designs.
     clock, noise
-        Clock and noise of the run. The variation of the sensors is drawn independently of the noise: a resumed run has
+        Clock and noise of the run. The variation of the sensors is independent of the noise: a resumed run has
         the same sensors but other noise.
     report
         Called with progress messages.

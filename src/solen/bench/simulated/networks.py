@@ -1,9 +1,9 @@
 """Simulated networks: prints of a design, traced over the ranges of their motions.
 
-A print is drawn once, with the rig's seed, like other sensors. Its powers, emitter by emitter, are traced on a grid
-over the ranges of its motions, and interpolated between the states of the grid by a surface. The grid is refined,
-motion by motion, until states midway agree with the surface. Because the tracing takes a minute or more, the powers are
-stored in a file, and traced again only if the design differs.
+The receivers and emitters of a network are sampled at random once, with the rig's seed. The received powers are traced
+for each emitter on a grid over the ranges of the motions, and interpolated by a surface. The grid is refined, motion by
+motion, until the powers traced midway between its angles agree with those of the surface. Because the tracing takes a
+minute or more, the powers are stored in a file, and traced again only if the design differs.
 
 Public names: `traced_network` and `SimulatedNetwork`.
 """
@@ -41,7 +41,9 @@ TOLERANCE = 5e-4
 MIN_STEPS, MAX_STEPS = 6, 24
 """Initial number of steps over the range of a motion, and the number above which it is not refined further."""
 MAX_INTERPOLATION_ERROR = 4e-3
-"""Largest difference between a state midway and the surface, as a fraction of the brightest power."""
+"""Largest difference between a power traced midway between two angles and that of the surface, as a fraction of the
+largest power.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ class SimulatedNetwork:
     wiring
         Its wiring.
     drawn
-        Values drawn for it.
+        Values sampled at random for this network.
     angles_deg
         Angles of each motion at which it was traced, in the order of the rig's stages.
     fractions
@@ -167,7 +169,7 @@ def _write_cache(cache: Path, key: str, angles: tuple[FloatArray, ...], fraction
 
 
 def with_parts(network: SimulatedNetwork, rng: np.random.Generator) -> SimulatedNetwork:
-    """Return a network with receivers and emitter powers drawn within the limits of the datasheets."""
+    """Return a network whose receivers and emitter powers are random samples within the limits of the datasheets."""
     circuits = [network.circuit.drawn(rng) for _ in network.wiring.emitter_numbers]
     power = np.array([circuit.drive.typical_mW for circuit in circuits])
     return replace(network, circuit=circuits[0], strength=network.strength * power / power[0])
@@ -186,7 +188,7 @@ def _circuit(wiring: SensorTable, design: Design) -> Circuit:
 def _grid_angles(
     wiring: SensorTable, design: Design, motion: str, ends: Range, middle: Mapping[str, float]
 ) -> FloatArray:
-    """Return as many angles of one motion as its response needs, with the others in the middle of their ranges."""
+    """Return the angles of one motion at which to trace; the other motions are in the middle of their ranges."""
     low, high = ends
     if low == high:
         return np.array([low])

@@ -1,7 +1,7 @@
 """Simulated sensors: prints of a design that vary, with individual parts, and their traced responses.
 
-Prints of one design differ in index, decentre of the emitter, chip and parts. Each print is drawn once, with the rig's
-seed, and its response is **traced** at as many angles as a monotone interpolation between them needs.
+Prints of one design differ in index, decentre of the emitter, chip and parts. Each is sampled at random once, with the
+rig's seed, and its response is **traced** at as many angles as a monotone interpolation between them needs.
 
 Public names: `simulated_sensors`, `simulated_networks` and `ambient_mw_cm2`.
 """
@@ -52,7 +52,7 @@ class SimulatedSensor:
     wiring
         Its wiring.
     drawn
-        Values drawn for it: index, decentre of the emitter, width of the chip, and the gains of its parts in V.
+        Values of this print: index, decentre of the emitter, width of the chip, and the gains of its parts in V.
     angle_deg, fractions
         Traced angles (N,), and the fractions of the emitted power (N, 2) received on the right and the left.
     circuit
@@ -278,9 +278,9 @@ def _trimmed(circuit: Circuit, fractions: FloatArray, mean_ambient_mw_cm2: float
 
 
 def _drawn(rig: Rig, wiring: SensorTable, design: Design, rng: np.random.Generator) -> dict[str, float]:
-    """Draw the deviations of a print.
+    """Return the values of a design that vary, sampled at random for a print.
 
-    All of them are drawn, so that one standard deviation does not affect the other draws.
+    All deviations are sampled, even those that are not used, so that each is independent of which others are used.
     """
     index, offset, chip = rng.standard_normal(3)
     spread, values = rig.spread, {}

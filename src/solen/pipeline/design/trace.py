@@ -84,7 +84,7 @@ def trace_file(
     if paths:
         check_paths(file.scene)
     if figure.figure is not None and file.scene.extrusion is not None:
-        limit = "draws the plane, but the rays of this scene are in space"
+        limit = "cannot show this scene, whose rays are in space: it shows the x-z plane"
         raise SpecError("--figure", limit=limit, remedy="omit it")
     traced = trace_scene(file, options, paths=paths or figure.figure is not None)
     result = label_trace(file, traced, paths=paths)

@@ -79,7 +79,7 @@ def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out
     """Raise `SpecError` for options that require a single image, or a lens that does not vary with height."""
     for option, value in (("--out", out), ("--seen-from", options.seen_from)):
         if bottom is not None and value is not None:
-            raise SpecError(option, limit="applies to a single image", remedy="omit it, or --bottom")
+            raise SpecError(option, limit="applies to a single image", remedy=f"omit {option} or --bottom")
     if out is not None and part.lens.in_space:
         limit = "contains one profile for all heights, but this lens varies with height"
         raise SpecError("--out", limit=limit, remedy="omit it")

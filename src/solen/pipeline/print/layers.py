@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """Files of a job, written in the order of `contents`: images first, as the others contain their statistics."""
+    """Files of a job, written in the order of `contents`: images first, because others contain their statistics."""
 
     job: Job
     part: Printable
@@ -173,5 +173,6 @@ def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path
     if figure is None:
         return targets
     if figure.resolve() in {target.resolve() for target in targets.values()}:
-        raise OutputError(str(figure), limit="is also another output of this command", remedy="rename the figure")
+        limit = "is also another output of this command"
+        raise OutputError(str(figure), limit=limit, remedy="choose another name for the figure")
     return targets | {"figure": figure}

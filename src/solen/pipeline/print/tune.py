@@ -84,18 +84,18 @@ def _next(log: TuningLog | None) -> int:
 def _printed(
     tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str
 ) -> tuple[dict[str, Path], dict[Path, files.Content]]:
-    """Return the files of a new drawing and its layers keyed by kind, and their contents."""
+    """Return the files for the next print, keyed by kind, and their contents: the drawing and its layers."""
     layers, path = _layers(tuned, sensor, slicing, out, name), out / f"{name}.toml"
     return {"drawn": path, **layers.targets}, layers.contents() | _drawing(tuned, sensor, path)
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
-    """Return the design, outline and predicted profile for the drawing."""
+    """Return the files of a corrected drawing, with their contents: design, outline and predicted profile."""
     return dict(compensation_files(path, sensor, tuned.compensation, tuned.profile, tuned.process))
 
 
 def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str) -> LayerFiles:
-    """Return the files of the layers of the drawing."""
+    """Slice the part as drawn, and return the files of its layers."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.toml"
         files.write_all(_drawing(tuned, sensor, path))

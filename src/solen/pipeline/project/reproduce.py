@@ -23,8 +23,8 @@ Figures = Annotated[tuple[str, ...], Parameter(name="--figure")]
 def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None) -> Outcome[Reproduction]:
     """Reproduce the figures of the paper, and compare its values with those computed by solen.
 
-    Data that the paper does not publish are simulated and marked as such. A finished figure is kept unless solen or its
-    files have changed, so an interrupted run can be continued.
+    Data that the paper does not publish are simulated and marked as such. A finished figure is kept unless solen or the
+    files of the figure have changed, so an interrupted run can be continued.
 
     Parameters
     ----------

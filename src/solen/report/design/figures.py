@@ -140,14 +140,14 @@ def convergence_figure(convergence: Convergence) -> Figure:
 
 
 def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
-    """Draw rays in the body, one panel for each view.
+    """Draw the rays of several traces, each in a panel with its body.
 
     Parameters
     ----------
     views
-        Title, body, scene and trace with stored paths of each view.
+        For each panel: title, body, scene, and a trace that stores its paths.
     zoom
-        Half width of a view of emitter and lens, in mm; default: the whole body.
+        Half the width, in mm, of the region around emitter and lens that is shown; default: the whole body.
     """
     figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
     for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):

@@ -89,7 +89,7 @@ class Facets(Curve):
     def normal_at(self, point: Point) -> Point:
         """See `Curve.normal_at`; normals are blended as for a mirror.
 
-        The sum of two images points along half the angle of the sum of their angle-doubled directions.
+        Each tangent is weighted after its angle has been doubled; half the angle of the sum gives the blended tangent.
         """
         blended = self._blended(point)
         doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)

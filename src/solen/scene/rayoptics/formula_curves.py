@@ -37,7 +37,7 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
     Raises
     ------
     DataError
-        With ``what`` as its subject, if the formula is undefined or constant, or would need too many pieces.
+        If the formula is undefined or constant, or would need too many pieces; ``what`` names it in the message.
     """
     points = _sampled(at, start, end)
     if not np.all(np.abs(points) <= MAX_NUMBER):

@@ -107,7 +107,7 @@ class Imported:
     not_understood
         Parts of the file that were omitted.
     weak, weakest
-        Brightness up to which ray-optics drops a split-off ray, and the ray that continues.
+        Brightness up to which ray-optics drops a ray that is split off, and one that continues.
     max_hits
         Maximum number of objects that a ray may hit; None for no limit.
     fresh

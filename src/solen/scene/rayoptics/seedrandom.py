@@ -1,6 +1,6 @@
 """The random numbers of ray-optics for a seed: the seedrandom generator, which is RC4 without its first 256 bytes.
 
-With them, a random beam has the same rays in both programs. Each number has 52 random bits, as in David Bau's
+With these numbers, a random beam has the same rays in both programs. Each number has 52 random bits, as in David Bau's
 seedrandom 3.
 """
 

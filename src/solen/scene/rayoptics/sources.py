@@ -1,6 +1,6 @@
 """Rays as ray-optics places them: their number, origin and brightness follow from the ray density of the scene.
 
-With a density d and a length scale l, a *beam* has a ray every l/d along its line, the first half a step from its
+With a density d and a length scale l, a *beam* has a ray every l/d along its line, the first ray half a step from its
 start; if it diverges, it has a fan of rays at each of these points. A *point source* has a ray every 2π/int(500 d)
 radians, as has a source that emits into an angle. The brightness of a ray is b/d (for a beam b l/d, divided among the
 rays of the fan), but at most 1; if the scene requires correct brightnesses, d is increased in steps of 1/500 until no
@@ -88,8 +88,10 @@ def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tu
 def _per_turn(density: float) -> int:
     """Return the number of directions in 360 degrees."""
     count = int(min(density * PER_TURN, MAX_RAYS + 1.0))
-    if not 0 < count <= MAX_RAYS:
-        raise UnreadableError("brightness" if count else None, f"would have no rays, or more than {MAX_RAYS}")
+    if count <= 0:
+        raise UnreadableError(None, "would have no rays, because the ray density of the scene is too low")
+    if count > MAX_RAYS:
+        raise UnreadableError("brightness", f"would have more than {MAX_RAYS} rays")
     return count
 
 

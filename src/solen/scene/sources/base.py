@@ -26,10 +26,10 @@ MIN_POWER, MAX_POWER = 1e-12, 1e12
 class Behind(NamedTuple):
     """Properties of rays that start behind a face: polarisation, optical path length (N,) and the power lost before.
 
-    ``cr`` and ``ci`` are the real and imaginary parts of the coherency of the two fields, ``inside`` is the refractive
-    index behind the face. ``leaked``, ``turned_back`` and ``absorbed`` are powers lost before the rays start;
-    ``turned_back`` is included in the ``reflected`` power. ``more`` is the number of additional rays that were split
-    off at the face.
+    ``cr`` and ``ci`` are the real and imaginary parts of the off-diagonal element of the coherency matrix, and
+    ``inside`` is the refractive index behind the face. ``leaked``, ``turned_back`` and ``absorbed`` are powers lost
+    before the rays start; ``turned_back`` is included in the ``reflected`` power. ``more`` is the number of additional
+    rays that were split off at the face.
     """
 
     cr: FloatArray
@@ -100,7 +100,7 @@ class Source(ABC):
 
     A ray is determined by a point of the unit cube with ``dimensions`` coordinates: an angle, a position, a wavelength.
     The numbered points fill the cube uniformly; a random sample supplies its own points. If ``spectrum`` contains
-    spectral lines, each ray has the wavelength of one line, drawn with probability proportional to its weight. Without
+    spectral lines, each ray has the wavelength of one line, chosen with probability proportional to weight. Without
     a spectrum the wavelength is unknown, which suffices if no index depends on it.
 
     Directions are those in the medium that contains the source.

@@ -1,8 +1,8 @@
 """Emission patterns: the intensity as a function of the angle from the emitter's axis.
 
 A pattern is a relative intensity I(θ), power per solid angle, rotationally symmetric about the axis and truncated at
-half the cone angle. In space, the angle of a ray is drawn from I(θ) sin θ. In the plane, rays are drawn from I(θ) on
-both sides of the axis, which is a section of the pattern. Both draws invert the cumulative distribution. For the
+half the cone angle. In space, the angle of a ray is sampled from I(θ) sin θ; in the plane, from I(θ) on both
+sides of the axis, which is a section of the pattern. In both cases, the cumulative distribution is inverted. For the
 analytic patterns this is done in closed form; for a table, which is linear between its angles, by solving a quadratic
 in the plane and by Newton's method in space.
 """

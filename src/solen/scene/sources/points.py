@@ -82,7 +82,7 @@ def _lattice(number: FloatArray, count: int, dimensions: int) -> FloatArray:
 
 @lru_cache(maxsize=MAX_DIMENSIONS)
 def _shifts(dimensions: int) -> IntArray:
-    """Return digital shifts (COPIES, dimensions); the raw numbers are the same in every version of numpy."""
+    """Return digital shifts (COPIES, dimensions), from raw numbers that are the same in every version of numpy."""
     raw = np.random.PCG64(31).random_raw((COPIES, MAX_DIMENSIONS))
     return np.asarray(raw[:, :dimensions] >> np.uint64(64 - DIGITS), dtype=np.int64)
 

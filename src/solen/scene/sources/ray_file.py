@@ -20,7 +20,7 @@ class RayFile(Source):
     """Rays from a vendor's file, with its origin at ``point`` and its z-axis along ``axis_deg``.
 
     With as many rays as the file contains, each is launched once with its own fraction of the power; otherwise rays are
-    drawn with probability proportional to their power. The x-axis of the file points to the right of the emitter axis,
+    chosen with probability proportional to their power. The x-axis of the file points to the right of the emitter axis,
     and its y-axis along y; the rays are raised by ``y_mm``. In the plane, points and directions are projected: each ray
     keeps its power, and a ray along y is directed along the axis.
 
@@ -92,7 +92,7 @@ class RayFile(Source):
         return file.line is not None and file.spectrum == self.spectrum
 
     def _indices(self, u: FloatArray) -> IntArray:
-        """Return ray indices: in order if all rays are launched, otherwise drawn in proportion to their power."""
+        """Return ray indices: in order if all rays are launched, otherwise chosen in proportion to their power."""
         power = self.file.power
         if self.rays == len(power):
             return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)

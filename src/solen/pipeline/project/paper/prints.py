@@ -47,7 +47,7 @@ def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Com
     scale = InspectOptions(um_per_px=images.LENS_UM_PER_PX)
     inspection = inspect(file, design=design, options=scale).result
     rms_um, u_um, nearest_um = deviation_um(inspection)
-    alt = f"simulated micrograph of the lens for {nm} nm with the oval of its index, and those of the other two"
+    alt = f"simulated micrograph of the lens for {nm} nm with the oval of its index and those of the other two indices"
     options = COLUMN.model_copy(update={"panels": "A", "letters": letter})
     picture = Picture(f"3{letter}.png", alt, partial(figure_of, inspection), options, MARK)
     return picture, compared(f"printed-{nm}", rms_um, u_um, nearest_um=nearest_um)
