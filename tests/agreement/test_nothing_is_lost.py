@@ -230,7 +230,7 @@ def test_ten_thousand_reflections_inside_a_closed_spline(seed: int, precision: s
 
 @pytest.mark.parametrize(("far_mm", "precision"), [(1e3, "single"), (1e4, "single"), (1e6, "double")])
 def test_rays_in_corners_far_from_the_origin_end(far_mm: float, precision: str) -> None:
-    """A ray in a corner must advance even if the rounding error of its position exceeds the usual step."""
+    """A ray at a corner must advance even if the rounding error of its position exceeds the usual step."""
     rng = np.random.default_rng(3)
     corners = polygon(rng, (0.0, 0.0), 5.0)
     shift = Rigid(shift=(far_mm, 0.7 * far_mm))

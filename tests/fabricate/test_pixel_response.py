@@ -179,6 +179,10 @@ def test_refuses_a_response_with_conflicting_keys(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     with pytest.raises(DataError, match=r"uncertainty\.sigma_um = 3\.0"):
         parsed_process(text + "[uncertainty]\nsigma_um = 3.0\n", "both", tmp_path)
+    with pytest.raises(DataError, match=r"process\.response\.file = 'pixel\.csv'; cannot be combined with .*light"):
+        parsed_process(text + "light = [[1.0]]\n", "both", tmp_path)
+    with pytest.raises(DataError, match=r"process\.response\.file = 3; must be the name of a file"):
+        parsed_process(text.replace('"pixel.csv"', "3"), "both", tmp_path)
     for table in ("[process]\nresponse_scale = 1.1\n", "[uncertainty]\nresponse_scale = 0.1\n"):
         with pytest.raises(DataError, match="response"):
             parsed_process('schema = 1\nname = "ours"\n' + table, "none")

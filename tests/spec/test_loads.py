@@ -54,7 +54,11 @@ def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
         (TURNED + HOLD, "motion.drives = 'clamp.angle_deg'; is not a quantity", "add a [[press]]"),
         (TURNED + HOLD + CLAMP + "angle_deg = 1\n", "hold[1].angle_deg = 1.0; does not apply with", "omit it"),
         (TURNED + "pivot = 'emitter'\n" + HOLD + CLAMP, "motion.pivot = 'emitter'; does not apply", "omit it"),
-        (TURNED + "moves = ['lens']\n" + HOLD + CLAMP, "motion.moves = ['lens']; does not apply", "always move along"),
+        (
+            TURNED + "moves = ['lens']\n" + HOLD + CLAMP,
+            "motion.moves = ['lens']; does not apply",
+            "always move with",
+        ),
         (TURNED + "depths_mm = [1]\n" + HOLD + CLAMP, "motion.depths_mm = (1.0,); does not apply", "omit it"),
         (PRESSED + HOLD + FINGER + "depth_mm = 1\n", "press[0].depth_mm = 1.0; does not apply with", "omit it"),
         (PRESSED + "from_deg = -1\n" + HOLD + FINGER, "motion.from_deg = -1.0; does not apply", "omit it"),

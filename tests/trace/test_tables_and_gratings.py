@@ -230,7 +230,7 @@ def test_refuses_surface_that_the_interface_does_not_support(fields: dict[str, o
         ((0.0, 80.0), (0.1, 0.1), "0 to 90"),
         ((5.0, 90.0), (0.1, 0.1), "0 to 90"),
         ((0.0, 50.0, 50.0, 90.0), (0.1,) * 4, "ascend"),
-        ((0.0, 90.0), (0.1,), "for each of"),
+        ((0.0, 90.0), (0.1,), "1 value, but must have 2, one for each angle"),
         ((0.0, 90.0), (0.1, 1.1), "reflected"),
     ],
 )

@@ -109,7 +109,7 @@ def align(
         shifts = overlay.shifts(lag, rate)
         if not shifts.time_s.size:
             limit = "covers no complete cycle of the recording"
-            raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
+            raise DataError("angle in the log", limit=limit, remedy="check that both files are from the same test")
         lag += shifts.mean
         if abs(shifts.mean) < 1e-7:
             break
@@ -153,7 +153,7 @@ def _coarse(
     best = int(np.argmax(correlation))
     if correlation[best] * math.sqrt(max(spans) / min(spans)) < _MIN_CORRELATION:
         limit = f"does not match the voltages (the best correlation is {correlation[best]:.2f})"
-        raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
+        raise DataError("angle in the log", limit=limit, remedy="check that both files are from the same test")
     lags = (np.arange(products.size) - (recorded.size - 1)) * even_s + log_s[0] - time_s[0]
     peaks = np.flatnonzero((correlation[1:-1] > correlation[:-2]) & (correlation[1:-1] >= correlation[2:])) + 1
     others = [int(n) for n in peaks if correlation[n] > _MIN_RIVAL * correlation[best] and abs(n - best) > 2]

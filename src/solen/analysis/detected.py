@@ -1,7 +1,7 @@
 """Settings that `study` detects: the stage log next to a recording, and the command that specifies every setting.
 
 A data acquisition program often records no angle, while the program of the stage writes a log to the same folder: a
-small table of times and angles without voltages. Whether the log and the recording are of the same test becomes clear
+small table of times and angles without voltages. Whether the log and the recording are from the same test becomes clear
 when the log is aligned with the voltages.
 
 Public names: `find_log`, `explicit` and `command`.

@@ -54,7 +54,7 @@ class LoadCell(Strict):
         rated = [key for key in (*_RATED_KEYS, "gain") if getattr(self, key) is not None]
         if (self.N_per_V is None) == (self.mV_per_V is None):
             limit = "must be specified by N_per_V, or by mV_per_V with excitation_V and capacity_N"
-            raise refused("", limit, remedy="add N_per_V = 2.0")
+            raise refused("", limit, remedy="add, for example, N_per_V = 2.0")
         if self.N_per_V is not None and rated:
             limit = "cannot be combined with N_per_V"
             raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="omit one of the two")

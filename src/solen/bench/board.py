@@ -234,7 +234,7 @@ class BoardStage:
 
     @property
     def search(self) -> str:
-        """Sentence for the user: the motor has no reference switch."""
+        """Sentence shown to the user before homing: the motor has no reference switch."""
         return "It has no reference switch."
 
     def reference(self) -> None:

@@ -349,9 +349,9 @@ class StageMove(Result):
     stage
         Name of the stage.
     begun_deg, stands_deg
-        Position before and after the move; null if unknown, and for a linear stage.
+        Position before and after the move; None if unknown or if the stage is linear.
     begun_mm, stands_mm
-        The same for a linear stage.
+        Position of a linear stage before and after the move; None if unknown or if the stage rotates.
     """
 
     stage: str

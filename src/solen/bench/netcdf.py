@@ -443,13 +443,13 @@ def _zero_V(cell: LoadCell, columns: Columns, journal: JournalContent) -> float:
 
 
 def _without_force(file: Any, journal: JournalContent) -> list[Caution]:
-    """Warn of readings for which the load cell gives no force."""
+    """Warn of readings for which no force could be computed from the load cell."""
     if journal.header.get("load_cell") is None:
         return []
     forces = [file.groups[view.name].variables["force_N"][...] for view in views_of(journal.header)]
     missing = int(np.isnan(np.concatenate(forces)).sum())
-    reason = "the load cell was at a limit of the input range, or its voltage without load was not recorded"
-    return [do_not_use(f"{missing} readings have no force: {reason}")] if missing else []
+    reason = "the input of the load cell was clipped, or its voltage without load was not recorded"
+    return [do_not_use(f"no force could be computed for {missing} readings: {reason}")] if missing else []
 
 
 def _write_variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:

@@ -102,8 +102,9 @@ def network_files(design: Design, file: str) -> dict[str, str]:
     """
     network = design.network
     if design.body.kind != "network":
-        limit = "must be network: only its rig has a stage for each motion"
-        raise SpecError("body.kind", value=design.body.kind, limit=limit, remedy="omit --design")
+        limit = 'must be "network": --design writes a rig with a stage for each motion of a network'
+        remedy = "omit --design to write rigs and protocols with their designs"
+        raise SpecError("body.kind", value=design.body.kind, limit=limit, remedy=remedy)
     if not network.motion:
         raise SpecError("network.motion", limit="is missing: nothing moves", remedy="add [[network.motion]]")
     rig = _RIG.format(

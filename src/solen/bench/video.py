@@ -337,7 +337,7 @@ def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float,
 
 
 def _recorded_span(path: Path) -> tuple[float, float]:
-    """Return the first and the last time of a recording, at which its emitters were switched on and off."""
+    """Return the first and last times of a recording, when its emitters were switched on and off, respectively."""
     need("h5netcdf", what=str(path), doing="reading a recording", error=DataError)
     import h5netcdf
 

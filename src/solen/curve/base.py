@@ -57,7 +57,7 @@ def check_range(
         return
     limits = [f"above {above:g}" if above > -math.inf else "", f"at least {least:g}" if least > -math.inf else ""]
     limits.append(f"at most {most:g}" if most < math.inf else "")
-    raise DesignError(what, value=value, limit=f"must be {', '.join(filter(None, limits))}")
+    raise DesignError(what, value=value, limit=f"must be {' and '.join(filter(None, limits))}")
 
 
 def check_count(what: str, value: object, least: int) -> None:

@@ -101,13 +101,16 @@ class Requirement(Expression):
     """A condition on merits."""
 
     def met(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> BoolArray:
-        """Return a mask (P,) of the merits that meet the condition, given those of the design; false if missing."""
+        """Return whether each of P cases, such as prints, meets the condition; false where a merit is missing.
+
+        ``merits`` contains values (P,) of the cases, and ``base`` those of the design itself.
+        """
         exists = np.all([~np.isnan(merits[name]) for name in self.merits], axis=0)
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)) & exists, dtype=bool)
 
     def violation(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
-        """Return the violation (P,) as a fraction of the limit; 0 if the condition is met, 1 if a merit is missing."""
+        """Return the violation by each case (P,), as a fraction of the limit: 0 if met, 1 if a merit is missing."""
         with np.errstate(all="ignore"):
             size = violation(self._tree, self._values(merits, base))
         return np.where(self.met(merits, base), 0.0, np.nan_to_num(size, nan=1.0, posinf=1e3))
@@ -130,6 +133,6 @@ class Goal(Expression):
     has_cases: ClassVar[bool] = True
 
     def value(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
-        """Return the value (P,); NaN if a merit does not exist."""
+        """Return the value for each case (P,); NaN where a merit is missing."""
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)), dtype=float)

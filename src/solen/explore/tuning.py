@@ -213,9 +213,9 @@ class _Tuning:
         return self.log.drawing(number, len(self.model.target.points_mm))
 
     def _systematic(self, number: int, arc_mm: FloatArray, pixels_of: int | None = None, **priors: float) -> Systematic:
-        """Return the common deviations of all prints if this print has the drawing with a number.
+        """Return the common deviations of all prints if this print was made from drawing ``number``.
 
-        With ``pixels_of``, the errors of its pixel effects are those of the drawing with that number.
+        With ``pixels_of``, the errors of the pixel effects are those of drawing ``pixels_of``.
         """
         prints = [(logged.image.deviations, logged.drawing, logged.drawing) for logged in self.log.prints]
         prints.append((self.deviations, number, number if pixels_of is None else pixels_of))

@@ -162,11 +162,14 @@ class TuningLog(Result):
     prints: tuple[LoggedPrint, ...] = ()
 
     def drawing(self, number: int, points: int) -> Drawing:
-        """Return the drawing with a number; for the design itself, with ``points`` along the lens."""
+        """Return drawing ``number``.
+
+        Number 0 is the design without a correction: the displacement is 0 at ``points`` points along the lens.
+        """
         return Drawing(np.zeros(points)) if number == 0 else self.prints[number - 1].correction.drawing
 
     def name(self, number: int) -> str:
-        """Return the name of the drawing with a number, for messages."""
+        """Return the name of drawing ``number``, for messages."""
         file = AS_DESIGNED if number == 0 else self.prints[number - 1].correction.file
         return f"correction {number} ({file})"
 
@@ -176,12 +179,12 @@ class TuningLog(Result):
         return self.prints[-1].correction.number if self.prints else 0
 
     def predicted_of(self, number: int) -> Residual | None:
-        """Return the latest prediction for the print with a number, which was made before it; None if there is none."""
+        """Return the latest prediction for print ``number`` from earlier prints; None if there is none."""
         drawing, earlier = self.prints[number - 1].drawing, self.prints[: number - 1]
         return next((logged.predicted for logged in reversed(earlier) if logged.correction.number == drawing), None)
 
     def correction(self, number: int) -> Correction | None:
-        """Return the correction with a number; None for the design itself."""
+        """Return correction ``number``; None for number 0, the design itself."""
         return self.prints[number - 1].correction if number else None
 
     def with_print(self, logged: LoggedPrint) -> "TuningLog":

@@ -196,7 +196,7 @@ def _between(curve: Curve, first: Point, last: Point) -> Curve:
         "body outline",
         limit=f"a {type(curve).__name__} from {point_text(curve.start)} does not meet its neighbours to within "
         f"{GAP_MM:g} mm, and curves of this kind cannot be deformed",
-        remedy="make its ends exact",
+        remedy="make its end points coincide with those of its neighbours",
     )
 
 

@@ -174,7 +174,7 @@ def material_of(design: Design) -> Material:
     stiffness = None if resin is None else resin_of(resin, design.resin_file).stiffness
     if stiffness is None:
         limit = "missing: a soft body needs a stiffness" + (f", and the resin {resin} has none" if resin else "")
-        remedy = "add modulus_MPa = 3.0, or use a resin with [stiffness], as written by solen resin stiffness"
+        remedy = "add modulus_MPa, or use a resin with [stiffness], as written by solen resin stiffness"
         raise DesignError("mechanics.modulus_MPa", limit=limit, remedy=remedy)
     names = model(stiffness.model).names if stiffness.model else ()
     if names and set(names) <= set(stiffness.parameters):

@@ -2,8 +2,8 @@
 
 The band around the front is straightened, with one axis along the front and the other across it. An edge of the lens is
 then a line from one end of the band to the other; dust and reflections are short. Dynamic programming finds the exact
-continuous path with the largest total change of one sign, and then the next one near it: the two rims of a thick
-transparent part, or both sides of a dark band.
+continuous path along which the grey value rises, or falls, most in total. Then it finds the next such path, for example
+the second rim of a thick transparent part, or the other side of a dark band.
 """
 
 from dataclasses import dataclass
@@ -141,7 +141,10 @@ def trace_edges(band: Band, max_edges: int = MAX_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, min_change: float) -> TracedEdge:
-    """Return the edge of one sign with the largest total change on a free path; it is distinct above ``min_change``."""
+    """Return the rising or falling edge with the largest total change, along positions that ``free`` allows.
+
+    The edge is distinct at the positions where the change exceeds ``min_change``.
+    """
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)

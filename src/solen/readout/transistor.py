@@ -79,7 +79,7 @@ class Phototransistor:
 
     @classmethod
     def of(cls, part: ReceiverPart, light: Light) -> "Phototransistor":
-        """Return a receiver for a design's light."""
+        """Return the phototransistor of a part file, with its response to the light of a design."""
         current = part.current_ua_per_mw_cm2
         values = {
             "saturation_V": part.saturation_v,

@@ -62,7 +62,7 @@ class _Block:
 
 
 def specimens(grid: Grid) -> list[Table]:
-    """Return the tables of the specimens; none for other files.
+    """Return the tables of the specimens; an empty list for files without specimens.
 
     Raise `DataError` at a row of numbers that belongs to no specimen.
     """

@@ -112,7 +112,7 @@ class ScatterTable:
     def __post_init__(self) -> None:
         check_range("scatter share", self.share, 0.0, 1.0)
         _check_axis("scatter table offset", self.offset, 2.0, full=False)
-        _check_column("scatter table density", self.density, self.offset, math.inf)
+        _check_column("scatter table density", self.density, "offset", self.offset, math.inf)
         if not any(self.density):
             raise DesignError("scatter table density", value=0, limit="must be above 0 for at least one offset")
 
@@ -145,7 +145,7 @@ class AngleTable:
         _check_axis("surface table angle_deg", self.angle_deg, 90.0, full=True)
         for name in ("reflected", "transmitted", "reflected_p", "transmitted_p"):
             if name == "reflected" or getattr(self, name):
-                _check_column(f"surface table {name}", getattr(self, name), self.angle_deg, 1.0)
+                _check_column(f"surface table {name}", getattr(self, name), "angle", self.angle_deg, 1.0)
         for angle_deg, reflected_s, reflected_p, transmitted_s, transmitted_p in self.rows:
             most = max(reflected_s + transmitted_s, reflected_p + transmitted_p)
             if most > 1.0 + ROUNDING:
@@ -173,10 +173,11 @@ def _check_axis(what: str, values: tuple[float, ...], most: float, full: bool) -
         raise DesignError(what, value=given, limit=f"must be two or more numbers in ascending order, from {span}")
 
 
-def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...], most: float) -> None:
+def _check_column(what: str, values: tuple[float, ...], axis_name: str, axis: tuple[float, ...], most: float) -> None:
     check_numbers(what, *values)
     if len(values) != len(axis):
-        raise DesignError(what, value=f"{len(values)} values", limit=f"must be one number for each of {len(axis)}")
+        count = f"{len(values)} value{'s' * (len(values) != 1)}"
+        raise DesignError(what, limit=f"has {count}, but must have {len(axis)}, one for each {axis_name}")
     for value in values:
         check_range(what, value, 0.0, most)
 
@@ -193,8 +194,8 @@ class Grating:
     orders
         Number m and diffraction efficiency of each order. The efficiency is the fraction of the incident power, and is
         the same at all angles; the remaining power, and that of evanescent orders, is absorbed. Efficiencies that add
-        up to more than 1, which a ray-optics scene may contain, are supported only when tracing by the rules of that
-        program.
+        up to more than 1, which a ray-optics scene may contain, are supported only when tracing with the algorithm of
+        that program.
     mirrored
         True for a reflection grating, False for a transmission grating.
     """
@@ -291,7 +292,7 @@ class Surface:
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
         if self.table_right is not None and self.table is None:
-            raise DesignError("surface table_right", limit="requires surface table as well")
+            raise DesignError("surface table_right", limit="requires `table` as well")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
         """Whether the behaviour of the interface applies at a wavelength."""

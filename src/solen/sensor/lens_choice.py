@@ -104,7 +104,7 @@ class LensChoice(Result):
     skipped: dict[str, str]
 
     def of(self, shape: str) -> LensFigures | None:
-        """Return the figures of a lens, or None if it is not compared."""
+        """Return the key figures of the design with one lens, or None if this lens is not compared."""
         return next((lens for lens in self.lenses if lens.shape == shape), None)
 
     @reported

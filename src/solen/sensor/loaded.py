@@ -45,7 +45,7 @@ LARGE_STRAIN = 0.3
 
 @dataclass(frozen=True)
 class PlaneSpread:
-    """Contrast in both plane models at some values, and the largest difference."""
+    """Contrast in plane strain and in plane stress at the values of a motion, and the largest difference."""
 
     values: FloatArray
     strain: FloatArray
@@ -53,7 +53,10 @@ class PlaneSpread:
 
     @reported
     def apart(self) -> float | None:
-        """Largest difference; None if at every value, no light arrives in one of the models."""
+        """Largest difference between the contrasts of the two plane models.
+
+        None if, at every value, one of the models predicts no light at the receivers.
+        """
         difference = np.abs(self.strain - self.stress)
         return float(np.nanmax(difference)) if np.isfinite(difference).any() else None
 

@@ -1,4 +1,4 @@
-"""Results for a design at one angle: a trace with its names, convergence, and sensitivities."""
+"""Results for a design at one angle, depth or force: a trace with its names, convergence, and sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from solen.trace.scene_file import Branch, branches, face_names
 
 
 class DesignTrace(Trace, kw_only=True):
-    """Trace of a design at an angle.
+    """Trace of a design at one angle, depth or force.
 
     Attributes
     ----------

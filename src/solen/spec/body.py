@@ -61,7 +61,7 @@ def unused_keys(kind: str) -> Keys:
 def _check_kind(kind: str) -> str:
     if kind not in UNUSED_KEYS and kind not in plugin_entries(BODY_KINDS):
         known = dict.fromkeys([*UNUSED_KEYS, *plugin_entries(BODY_KINDS)])
-        raise refused("", f"must be {' or '.join(map(repr, known))}", value=kind)
+        raise refused("", f"must be one of {', '.join(map(repr, known))}", value=kind)
     return kind
 
 
@@ -99,7 +99,9 @@ class Material(Strict):
         if self.index is not None and self.resin is not None:
             raise refused("", "contains both index and resin", remedy="omit one of them")
         if self.index is None and self.resin is None:
-            raise refused("", "contains neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+            raise refused(
+                "", "contains neither index nor resin", remedy='add, for example, index = 1.44 or resin = "pmma"'
+            )
         return self
 
     @property
@@ -188,7 +190,9 @@ class Lens(Strict):
     @model_validator(mode="after")
     def _check_shape_keys(self) -> Self:
         if self.shape == "measured" and self.profile is None:
-            raise refused("profile", 'missing: required with shape = "measured"', remedy='add profile = "lens.json"')
+            raise refused(
+                "profile", 'missing: required with shape = "measured"', remedy='add, for example, profile = "lens.json"'
+            )
         if self.shape == "spline" and self.knots_um is None:
             remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
             raise refused("knots_um", 'missing: required with shape = "spline"', remedy=remedy)
@@ -281,7 +285,9 @@ class Receivers(Strict):
     @model_validator(mode="after")
     def _check_gap(self) -> Self:
         if self.coupling == "air-gap" and self.gap_mm is None:
-            raise refused("gap_mm", 'missing: required with coupling = "air-gap"', remedy="add gap_mm = 0.5")
+            raise refused(
+                "gap_mm", 'missing: required with coupling = "air-gap"', remedy="add, for example, gap_mm = 0.5"
+            )
         if self.coupling != "air-gap" and self.gap_mm is not None:
             remedy = 'omit it, or set coupling = "air-gap"'
             raise refused(

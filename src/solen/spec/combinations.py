@@ -29,7 +29,9 @@ def check_combinations(design: "Design") -> None:
     check_loads(design)
     _check_network(design)
     if outline and design.body.file is None:
-        raise refused("body.file", 'missing: required with kind = "outline"', remedy='add file = "sensor.dxf"')
+        raise refused(
+            "body.file", 'missing: required with kind = "outline"', remedy='add, for example, file = "sensor.dxf"'
+        )
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
         limit = 'does not apply with receivers.coupling = "air-gap": a pocket holds the receiver against the body'
         raise refused("fabricate.pockets", limit, value=True, remedy="omit one of them")
@@ -126,7 +128,7 @@ def _check_carried(design: "Design") -> None:
     """Reject `motion.moves` for a bend or a load, which moves the whole body."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
-        limit = f'does not apply with motion.kind = "{motion.kind}": the lens and the emitter always move along'
+        limit = f'does not apply with motion.kind = "{motion.kind}": the lens and the emitter always move with the body'
         raise refused("motion.moves", limit, value=list(motion.moves), remedy="omit it")
 
 

@@ -120,11 +120,15 @@ class Guide(Strict):
             if self.through_mm and value:
                 raise refused(key, "does not apply with through_mm", value=value, remedy="omit one of them")
         if self.direction_deg is not None and self.length_mm is None:
-            raise refused("length_mm", "missing: required with direction_deg", remedy="add length_mm = 10.0")
+            raise refused(
+                "length_mm", "missing: required with direction_deg", remedy="add, for example, length_mm = 10.0"
+            )
         if self.length_mm is not None and self.direction_deg is None and self.flush is None:
-            raise refused("direction_deg", "missing: required with length_mm", remedy="add direction_deg = 0.0")
+            raise refused(
+                "direction_deg", "missing: required with length_mm", remedy="add, for example, direction_deg = 0.0"
+            )
         if self.flush is not None and self.length_mm is None:
-            raise refused("length_mm", "missing: required with flush", remedy="add length_mm = 10.0")
+            raise refused("length_mm", "missing: required with flush", remedy="add, for example, length_mm = 10.0")
         return self
 
 

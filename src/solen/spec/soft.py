@@ -71,7 +71,9 @@ class Hold(Stretch):
     @model_validator(mode="after")
     def _check_pivot(self) -> Self:
         if self.kind == "turning" and self.about is None:
-            raise refused("about", 'missing: required with kind = "turning"', remedy='add about = "stem-base"')
+            raise refused(
+                "about", 'missing: required with kind = "turning"', remedy='add, for example, about = "stem-base"'
+            )
         for key in ("about", "angle_deg"):
             if self.kind != "turning" and getattr(self, key) is not None:
                 limit = f'does not apply with kind = "{self.kind}"'
@@ -113,7 +115,9 @@ class Press(Strict):
             raise refused("force_N", "does not apply with depth_mm", value=self.force_N, remedy="omit one of them")
         if self.absorption_per_mm and self.index is None:
             limit = "does not apply without index: a finger in dry contact absorbs no light"
-            raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add index = 1.4")
+            raise refused(
+                "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add, for example, index = 1.4"
+            )
         return self
 
 

@@ -21,7 +21,7 @@ BUILT_IN_FINISHES = ("clear", "mirror", "black")
 def _check_finish(name: str) -> str:
     known = list(dict.fromkeys([*BUILT_IN_FINISHES, *plugin_entries(FINISHES)]))
     if name not in known:
-        raise refused("", f"must be {' or '.join(map(repr, known))}", value=name)
+        raise refused("", f"must be one of {', '.join(map(repr, known))}", value=name)
     return name
 
 

@@ -212,7 +212,7 @@ class PageCommand:
             if name not in values and (
                 self._is_required(name) if name in self.file_labels else self.parameters[name].is_required
             ):
-                raise SpecError(self.file_labels.get(name, name), limit="is missing", remedy="specify it")
+                raise SpecError(self.file_labels.get(name, name), limit="is missing")
         ordered = {name: values[name] for name in self.parameters if name in values}
         return Call(self.name, self.function, ordered, self.live)
 
@@ -221,7 +221,7 @@ class PageCommand:
         try:
             return safe_name(self.design_outputs[name].format(**request))
         except KeyError as bad:
-            raise SpecError(str(bad.args[0]), limit="is missing", remedy="specify it") from None
+            raise SpecError(str(bad.args[0]), limit="is missing") from None
 
 
 def _flat(schema: Mapping[str, Any]) -> dict[str, Any]:

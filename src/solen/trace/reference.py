@@ -176,10 +176,10 @@ class Tracer:
         return interface.curve.normal_at(at)
 
     def _is_past_corner(self, ray: Ray, interface: Interface, region: str) -> bool:
-        """Return whether a ray that starts in a corner meets the other curve only in its extension beyond the corner.
+        """Return whether a ray that starts at a corner meets ``interface`` only on its extension beyond the corner.
 
-        This is the case if the medium on this side of that curve is not that of the ray, or if that curve lies on the
-        other side of the curve at the ray origin.
+        This is the case if the medium on the near side of the interface is not that of the ray, or if the ray moves
+        away from the side of its last curve on which the interface lies.
         """
         if ray.last is None:
             return False

@@ -1,4 +1,4 @@
-"""Tracing by the rules of ray-optics: rays take turns, and only every k-th weak part continues, with k times its power.
+"""Tracing with the algorithm of ray-optics: rays take turns; only every k-th weak part continues, with k-fold power.
 
 The reference tracers follow one ray to its end, with all its parts down to the minimum weight. Here all rays are in one
 list. In each round, each ray in turn meets the next object on its path; detectors are objects, too. A part that is

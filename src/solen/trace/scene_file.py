@@ -192,7 +192,7 @@ def open_scene(path: Path, *, facets: bool) -> SceneFile:
 def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, paths: bool = False) -> Trace:
     """Trace a scene file in the requested mode.
 
-    Without a mode, a solen scene is traced in power mode, and a ray-optics scene by the rules of that program.
+    Without a mode, a solen scene is traced in power mode, and a ray-optics scene with the algorithm of that program.
 
     Raises
     ------
@@ -261,9 +261,9 @@ def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
 
 
 def _round_robin(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
-    """Trace by the rules of ray-optics, which leave no choice of options."""
+    """Trace with the algorithm of the program ray-optics, for which no options can be set."""
     for name, value in options.model_dump(exclude_defaults=True).items():
-        limit = "does not apply when tracing by the rules of ray-optics"
+        limit = "does not apply when tracing with the algorithm of the program ray-optics"
         raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace with solen's engine")
     max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
     rules = RoundRobin(imported.weak, imported.weakest, imported.fresh, **max_hits)

@@ -41,7 +41,7 @@ class Tail(NamedTuple):
     def completed(self, integral: Integral, tolerance: float, max_hits: int, max_segments: int) -> Integral:
         """Return an integral with its tail, sampled until the tolerance or the number of segments is reached.
 
-        If ``max_segments`` segments cannot suffice, only a tenth of them is used.
+        If ``max_segments`` segments are unlikely to suffice for the tolerance, sampling stops at a tenth of them.
         """
         buffers = paths.path_buffers(self.columns)
         dimensions = self.source.dimensions(self.in_space)

@@ -129,7 +129,9 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
         return Samples(time_s, values, names, units, state[kept], 1e-6 * (options.settle_us or 0.0), None)
     if options.rate_hz is None:
         limit = "no column is recognised as the emitter state, and no switching rate is specified"
-        raise SpecError("--state", limit=limit, remedy="name the column with --state, or specify --rate-hz")
+        raise SpecError(
+            "--state", limit=limit, remedy="name the column with --state, or specify the switching rate with --rate-hz"
+        )
     settle_s = 1e-6 * (DEFAULT_SETTLE_US if options.settle_us is None else options.settle_us)
     clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
     if settle_s >= clock.shorter_s:

@@ -35,7 +35,7 @@ def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
     name = " ".join(command)
     result = result_type(_function_path(name))
     if result is None:
-        raise SpecError("schema", value=name, limit="has no result with a schema", remedy="see docs/commands.md")
+        raise SpecError("command", value=name, limit="has no JSON output", remedy="see docs/commands.md")
     inner = schema_of(result)
     schemas = [_with_files(schema) for schema in inner.get("anyOf", [inner])]
     head = {"$schema": DIALECT, "title": f"solen {name}"}

@@ -74,6 +74,6 @@ def _run(coupon: Coupon, name: str | None) -> Stage:
     if name not in names:
         if len(names) == 1:
             raise SpecError("--run", value=name, limit="does not apply: the job has a single run", remedy="omit it")
-        limit = f"must be {' or '.join(names)} for {coupon.name}"
+        limit = f"must be one of {', '.join(names)} for {coupon.name}"
         raise SpecError("--run", value=name, limit=limit, remedy="specify one of them")
     return coupon.stages[names.index(name)]

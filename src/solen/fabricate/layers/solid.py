@@ -239,7 +239,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
 
 
 def _plan(part: Part, rotation: FloatArray) -> Plan:
-    """Return the plan of a part rotated about the normal of the plate by a matrix (2, 2)."""
+    """Return the plan of a part rotated about the normal of the build plate by a 2 × 2 rotation matrix."""
     tools = [cut.tool for cut in part.cuts]
     heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
     bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)

@@ -210,9 +210,12 @@ def _read_response(data: Document, what: str, folder: Path) -> None:
     if not isinstance(table, dict) or "file" not in table:
         return
     file = table.pop("file")
-    if not isinstance(file, str) or "light" in table:
-        limit = "must be the name of a file, in a table without light"
-        raise DataError(f"{what}: process.response.file", value=file, limit=limit)
+    subject = f"{what}: process.response.file"
+    if not isinstance(file, str):
+        raise DataError(subject, value=file, limit="must be the name of a file")
+    if "light" in table:
+        limit = "cannot be combined with process.response.light"
+        raise DataError(subject, value=file, limit=limit, remedy="omit one of them")
     table["light"] = light_of_file(folder / file)
     if isinstance(source := data.setdefault("source", {}), dict):
         source.setdefault("response", f"measured: {file}")

@@ -108,7 +108,8 @@ class _Reader:
                 continue
             if entity.dxftype() in ("INSERT", "LWPOLYLINE", "POLYLINE"):
                 if depth > MAX_BLOCK_DEPTH:
-                    raise DataError("drawing", value=layer, limit=f"blocks are nested more than {MAX_BLOCK_DEPTH} deep")
+                    limit = f"contains blocks nested more than {MAX_BLOCK_DEPTH} levels deep"
+                    raise DataError("drawing layer", value=layer, limit=limit, remedy="explode the blocks")
                 yield from self._visible_entities(entity.virtual_entities(), layer, depth + 1)
             else:
                 yield entity, layer

@@ -88,7 +88,7 @@ class WorkingCurve(Result, kw_only=True):
     fit
         Fit of the thickness in µm to (1, ln E), with E in mJ/cm².
     scatter_exponent
-        Power of the thickness with which the scatter of the discs grows.
+        Exponent of the power law by which the scatter of the discs grows with thickness.
     sd_thickness_um, mean_thickness_um
         Standard deviation of discs with the mean thickness, and the mean thickness.
     used, left_out

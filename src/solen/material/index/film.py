@@ -136,9 +136,9 @@ def _with_free_index(
     if not free_knots(model.fringes):
         if not is_requested:
             return model, p
-        remedy = "use cauchy or sellmeier, or measure a thicker layer or a wider range, which has more fringes"
+        remedy = "use cauchy or sellmeier, or measure a thicker layer or a wider range to obtain more fringes"
         limit = f"requires at least {MIN_FRINGES} fringes, but the spectra have {model.fringes:.0f}"
-        raise DataError("free dispersion", limit=limit, remedy=remedy)
+        raise DataError("--dispersion free", limit=limit, remedy=remedy)
     if not is_requested and not model.has_misfit(p):
         return model, p
     candidates = [_best_free_index(*start) for start in ((model, p), *others)]
@@ -148,8 +148,8 @@ def _with_free_index(
     is_clean = not free.has_misfit(free_p, _MAX_VARIANCE_FACTOR) and factor < _MAX_VARIANCE_FACTOR
     if is_requested and not is_clean:
         limit = "leaves residuals that exceed the noise"
-        remedy = "omit --dispersion: n is then computed from the levels, and is less certain"
-        raise DataError("free dispersion", limit=limit, remedy=remedy)
+        remedy = "omit --dispersion: n is then computed from the levels of T and R, and is less certain"
+        raise DataError("--dispersion free", limit=limit, remedy=remedy)
     gain = (free.log_likelihood(free_p) - model.log_likelihood(p)) / factor
     points = model.um.size * len(model.blocks)
     is_better = gain - 0.5 * free.form.count * float(np.log(points)) > _MIN_GAIN  # Schwarz's criterion

@@ -212,7 +212,7 @@ class TwoPoles(Form):
         largest_u = float(np.sqrt(np.diag(covariance).max()))
         if not largest_u < _MAX_RELATIVE_U:
             raise UnfitError(
-                f"determines a coefficient only to {100 * largest_u:.3g} %: these points do not distinguish two terms"
+                f"leaves a coefficient uncertain by {100 * largest_u:.3g} %: these points do not resolve two terms"
             )
 
     def model(self, inner: FloatArray, covariance: FloatArray, range_nm: tuple[float, float]) -> Sellmeier:

@@ -108,7 +108,7 @@ class _Model:
 def invert_on_substrate(
     transmittance: ArrayLike, reflectance: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> SubstrateInversion:
-    """Return the index and extinction of a layer on a substrate from the T and R of an instrument.
+    """Return the index and extinction coefficient of a layer on a substrate from measured T and R.
 
     Parameters
     ----------

@@ -300,7 +300,7 @@ class _Terms:
 
 
 def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the best combinations of powers on a grid, as moduli and powers."""
+    """Return the best grid combinations of powers with their moduli, as starting points of the fit."""
     powers = np.array(_POWERS)
     basis = terms.basis(powers)
     candidates = []

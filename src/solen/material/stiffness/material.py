@@ -99,12 +99,12 @@ class MaterialStiffness(MeanModulus, kw_only=True):
 
 
 class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
-    """Stiffness of the first of the tested materials and, if there are several, of all materials.
+    """Stiffness of the tested materials. The inherited attributes describe the first material.
 
     Attributes
     ----------
     groups
-        All materials, if there are several.
+        Stiffness of every material, including the first; empty if only one material was tested.
     """
 
     groups: tuple[MaterialStiffness, ...]

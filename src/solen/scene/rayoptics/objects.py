@@ -98,7 +98,7 @@ def _spherical_lens(fields: Fields, name: str, settings: SceneSettings) -> Seque
             return [replace(template, outline=tuple(_lens(*edges, d, *radii)))]
         except UnreadableError:
             continue
-    raise UnreadableError("params", "do not describe a lens")
+    raise UnreadableError("params", "do not give radii of curvature with which the lens can be built")
 
 
 def _radius(key: str, value: Any) -> float:
@@ -110,7 +110,7 @@ def _radii(d: float, ffd: float, bfd: float, n: float) -> list[tuple[float, floa
     """Return the radii of lenses with this thickness and these front and back focal distances, smaller radii first."""
     square = d * d + 4.0 * bfd * ffd * n * n
     if square < 0.0:
-        raise UnreadableError("params", "do not describe a lens")
+        raise UnreadableError("params", "do not give a lens with real radii of curvature")
     radii_pairs = []
     for root in (-math.sqrt(square), math.sqrt(square)):
         try:

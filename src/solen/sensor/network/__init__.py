@@ -1,7 +1,8 @@
 """Networks of guides: check, powers by emitter and receiver, readings, slopes, and which motions can be distinguished.
 
-The emitters are lit in turn. With one emitter lit and the motions at given angles, a network is a sensor like any
-other, so it is represented by one sensor per emitter. Powers are fractions of the power of the lit emitter.
+The emitters are lit in turn. With one emitter lit and the motions at given angles, a network can be traced like a
+sensor with a single emitter, so it is represented by one such sensor per emitter. Powers are fractions of the power of
+the lit emitter.
 """
 
 from solen.sensor.network.check import NetworkCheck, NetworkEmitter, NetworkLens, network_check

@@ -1,8 +1,8 @@
 """Power at every receiver of a network from each emitter, with the emitters lit in turn.
 
-With one emitter lit and the motions at given angles, a network is a sensor like any other: `emitter_sensors` returns
-one sensor per emitter. Powers are fractions of the power of the lit emitter. `network_trace` traces one state,
-`network_response` several.
+With one emitter lit and the motions at given angles, a network can be traced like a sensor with a single emitter:
+`emitter_sensors` returns one such sensor per emitter. Powers are fractions of the power of the lit emitter.
+`network_trace` traces one state, `network_response` several.
 """
 
 import math

@@ -39,7 +39,7 @@ class Precision(NamedTuple):
     none: float  # infinity: no hit
     nan: float
     end: float  # extension of curves beyond their ends, mm
-    corner: float  # distance by which a ray in a corner is moved, mm
+    corner: float  # distance by which a ray at a corner is moved, mm
     margin: float  # margin of tests that only save time, mm
     small: float
     rounding: float

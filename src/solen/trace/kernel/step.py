@@ -71,7 +71,7 @@ class Arrival(NamedTuple):
     undefined: bool
     """whether the ray was in another region"""
     corner: bool
-    """whether the ray starts in a corner and meets only the end of the other curve"""
+    """whether the ray starts at a corner and meets only the end of the other curve"""
     loss: float
     """absorption coefficient of the medium, per mm"""
     kept: float
@@ -116,7 +116,7 @@ def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int)
 
 @compiled
 def past_corner(k: Precision, ray: Ray, hit: Hit) -> Ray:
-    """Return a ray in a corner moved past the end of the other curve, by a step that grows with rounding errors."""
+    """Return a ray at a corner moved past the end of the other curve, by a step that grows with rounding errors."""
     step = k.corner + k.rounding * (abs(ray.x) + abs(ray.z))
     return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.u)
 

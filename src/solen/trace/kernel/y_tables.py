@@ -133,7 +133,7 @@ def oval_depth(y: Y, x: float) -> tuple[float, float]:
 
 @compiled
 def fitted_conic(y: Y, depth: float) -> tuple[float, float, float]:
-    """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles, as a start for Newton's method."""
+    """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles: an initial guess for Newton's method."""
     edge = math.atan2(y.half_width, y.distance + depth)
     a, c = y.cut_index * y.cut_index - 1.0, y.distance + y.cut_index * y.focus
     d = y.distance + y.focus
