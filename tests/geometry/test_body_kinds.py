@@ -43,7 +43,7 @@ def test_builds_registered_kind_and_checks_its_keys() -> None:
 
 
 def test_refuses_unknown_kind() -> None:
-    with pytest.raises(SpecError, match=r"body\.kind = 'cross'; must be one of 'y', 'outline'"):
+    with pytest.raises(SpecError, match=r"body\.kind = 'cross'; must be 'y', 'outline' or 'network'"):
         design(kind="cross")
 
 

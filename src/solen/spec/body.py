@@ -6,7 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from solen.registry import BODY_KINDS, Registry, plugin_entries
 from solen.spec.quantities import Index, Length
-from solen.spec.strict import NotNegative, Number, Strict, Text, refused, reported_as
+from solen.spec.strict import NotNegative, Number, Strict, Text, choices, refused, reported_as
 
 Keys = dict[str, tuple[str, ...]]
 """Keys, listed by table."""
@@ -61,7 +61,7 @@ def unused_keys(kind: str) -> Keys:
 def _check_kind(kind: str) -> str:
     if kind not in UNUSED_KEYS and kind not in plugin_entries(BODY_KINDS):
         known = dict.fromkeys([*UNUSED_KEYS, *plugin_entries(BODY_KINDS)])
-        raise refused("", f"must be one of {', '.join(map(repr, known))}", value=kind)
+        raise refused("", f"must be {choices(known)}", value=kind)
     return kind
 
 

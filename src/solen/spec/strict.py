@@ -61,6 +61,12 @@ def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> 
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
+def choices(names: Iterable[str]) -> str:
+    """Return two or more names as 'a', 'b' or 'c', for a message."""
+    *others, last = map(repr, names)
+    return f"{', '.join(others)} or {last}"
+
+
 def reported_as(limit: str) -> WrapValidator:
     """Return a field annotation that reports any problem of a compound value with one message, in the user's terms."""
 

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from solen.registry import FINISHES, plugin_entries
 from solen.spec.stretch import Stretch
-from solen.spec.strict import NotNegative, Number, Strict, Text, refused
+from solen.spec.strict import NotNegative, Number, Strict, Text, choices, refused
 
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 SCATTER_KEYS = {"gaussian": ("sigma",), "harvey-shack": ("shoulder", "slope"), "lambertian": ()}
@@ -21,7 +21,7 @@ BUILT_IN_FINISHES = ("clear", "mirror", "black")
 def _check_finish(name: str) -> str:
     known = list(dict.fromkeys([*BUILT_IN_FINISHES, *plugin_entries(FINISHES)]))
     if name not in known:
-        raise refused("", f"must be one of {', '.join(map(repr, known))}", value=name)
+        raise refused("", f"must be {choices(known)}", value=name)
     return name
 
 
