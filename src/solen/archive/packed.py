@@ -67,7 +67,7 @@ class Archive(Contents):
     members: tuple[Member, ...] = field(metadata=HIDDEN)
 
     def save(self, out: Path) -> Path:
-        """Write a zip file if the name ends in ``.zip``, else a new folder; raise `OutputError` if this fails.
+        """Write a zip file if the name ends in ``.zip``, otherwise a new folder; raise `OutputError` if this fails.
 
         Equal contents give equal zip files, except for the packing date.
         """

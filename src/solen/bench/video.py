@@ -281,7 +281,7 @@ def _scatter(angle: FloatArray) -> float:
 
 
 def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
-    """Return the uncertainty of the zero: 0 if the marker is at rest at first, else from its range of motion."""
+    """Return the uncertainty of the zero: 0 if the marker is at rest at first, otherwise from its range of motion."""
     half = len(angle) // 2
     shift = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))

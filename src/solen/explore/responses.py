@@ -1,4 +1,4 @@
-"""Responses of many designs, which are read from a store or else traced and added to it.
+"""Responses of many designs, which are read from a store, or traced and added to it.
 
 Public names: `responses`, `failures_of` and `point_warnings`.
 """

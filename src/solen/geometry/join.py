@@ -53,7 +53,7 @@ class Joints:
         return chains
 
     def point(self, corner: int) -> Point:
-        """Return the position of a corner: the end of a curve that cannot be deformed, or else the mean of the ends."""
+        """Return the position of a corner: the end of a curve that cannot be deformed, or the mean of the ends."""
         members = self.members[corner]
         fixed = [end for end in members if not isinstance(self.strokes[end // 2].curve, DEFORMABLE)]
         x, z = self.ends[fixed[:1] or members].mean(axis=0)

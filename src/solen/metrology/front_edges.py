@@ -73,7 +73,7 @@ def _separations(offset: FloatArray, px_per_mm: float) -> list[float]:
 
 
 def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
-    """Return the sharper and the softer edge if they swap sides along the front, as on a tilted part, else None."""
+    """Return the sharper and the softer edge if they swap sides along the front, as on a tilted part, or None."""
     both = outer.kept & inner.kept
     if both.sum() < 50:
         return None

@@ -116,7 +116,7 @@ def is_simulated(*texts: str) -> bool:
 
 
 def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
-    """Return floating-point numbers as levels: unchanged if between 0 and 1, else scaled from minimum to maximum."""
+    """Return floating-point numbers as levels: unchanged if they are from 0 to 1, otherwise scaled to that range."""
     levels = values.astype(np.float64)
     if not np.isfinite(levels).all():
         raise DataError(file, limit="contains pixels that are not finite", remedy="export it again")

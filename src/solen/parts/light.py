@@ -1,4 +1,4 @@
-"""Light of a design's emitter: from the keys of the design, or else from the part that it names.
+"""Light of a design's emitter: from the keys of the design, otherwise from the part that it names.
 
 A design contains only the author's choices. Values from a datasheet or a file are looked up here once and stored as
 plain numbers in `Light`.
@@ -142,7 +142,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Return the table of the pattern: from the design or its file, or else from the part."""
+    """Return the table of the pattern: from the design or its file, otherwise from the part."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:

@@ -162,7 +162,7 @@ def load_printer(path: Path | str) -> Printer:
 
 
 def printer_of(text: str) -> Printer:
-    """Return the printer in a file if ``text`` ends in .toml or contains a slash, else from the library by name."""
+    """Return the printer in a file if ``text`` ends in .toml or contains a slash, otherwise from the library."""
     is_file = text.endswith(".toml") or "/" in text or "\\" in text
     return load_printer(text) if is_file else library_printer(text)
 

@@ -188,7 +188,7 @@ def cases_of(circuit: Circuit) -> dict[Case, Circuit]:
 
 
 def emitter_part(design: Design) -> EmitterPart:
-    """Return the emitter that determines the power: of the readout, else of the light source, else of the paper."""
+    """Return the emitter that determines the power: of the readout, otherwise of the light source or the paper."""
     if design.readout.emitter_part is not None:
         return named_part(design, "emitter_part", EmitterPart)
     name = design.emitter.part or DEFAULT_EMITTER

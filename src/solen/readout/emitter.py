@@ -100,7 +100,7 @@ def _reference_mW(part: EmitterPart) -> float:
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
-    """Return the weakest and strongest part relative to a typical one, from the limits of power or else intensity."""
+    """Return the weakest and strongest part relative to a typical one, from the limits of power or of intensity."""
     for value in (part.power_mw, part.intensity_mw_per_sr):
         if value is not None and (value.min is not None or value.max is not None):
             return (value.min or value.nominal) / value.nominal, (value.max or value.nominal) / value.nominal

@@ -87,7 +87,7 @@ def read(source: Source) -> Recording:
 
 
 def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
-    """Return the time to add to each packet: 0 for consecutive packets, else the time since the first time stamp."""
+    """Return the time to add to each packet: the time since the first time stamp, or 0 for consecutive packets."""
     no_shift = np.zeros(len(packets))
     if _are_consecutive(packets, no_shift):
         return no_shift

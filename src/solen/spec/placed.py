@@ -32,7 +32,7 @@ def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None
 
 
 def lit(design: "Design", name: str | None = None) -> "Design":
-    """Return the design of a network with one emitter lit, by default ``network.lit`` or else the first emitter.
+    """Return the design of a network with one emitter lit, by default ``network.lit``, otherwise the first emitter.
 
     The ``[emitter]`` table of the result is the table of the lit emitter.
     """

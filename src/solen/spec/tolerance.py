@@ -29,11 +29,12 @@ class Tolerance(Strict):
     emitter_cone_deg: Positive = Field(5.0, description="Tolerance of emitter.cone_deg, in degrees.")
     material_index: Positive | None = Field(
         None,
-        description="Tolerance of material.index; default: the resin's standard uncertainty, else 0.01.",
+        description="Tolerance of material.index; default: the resin's standard uncertainty, or 0.01 if it is unknown.",
     )
     material_absorption_per_mm: Positive | None = Field(
         None,
-        description="Tolerance of material.absorption_per_mm; default: the resin's standard uncertainty, else 0.005.",
+        description="Tolerance of material.absorption_per_mm; default: the resin's standard uncertainty, or 0.005 if "
+        "it is unknown.",
     )
     lens_focus_mm: Positive = Field(0.2, description="Tolerance of lens.focus_mm, in mm.")
     lens_half_width_mm: Positive = Field(0.05, description="Tolerance of lens.half_width_mm, in mm.")

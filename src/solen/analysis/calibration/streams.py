@@ -127,7 +127,7 @@ def _of_sensor(samples: Waveforms, name: str, columns: list[int], provenance: Pr
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
-    """Return the requested sensor; by default the calibrated sensor, or else the only sensor."""
+    """Return the requested sensor; by default the calibrated sensor, otherwise the only sensor."""
     for candidate in filter(None, (sensor, calibrated)):
         matches = [name for name in names if name.rpartition(".")[2] == candidate.rpartition(".")[2]]
         if matches:

@@ -127,7 +127,7 @@ class Task(NamedTuple):
         return with_values(self.design, values)
 
     def min_feature_um(self, lens: SplineLens) -> float:
-        """Return the smallest printable feature of a free form, from the process or else from the lens itself."""
+        """Return the smallest printable feature of a free form, from the process, otherwise from the lens itself."""
         return lens.min_feature_um if self.process is None else self.process.process.min_feature_um
 
 

@@ -147,7 +147,7 @@ class Job:
 
     @property
     def irradiance_mW_per_cm2(self) -> float:
-        """Irradiance at the window: that of the options, else of the printer file, else of the paper."""
+        """Irradiance at the window: from the options, otherwise from the printer file, otherwise from the paper."""
         printer = self.printer.irradiance_mw_per_cm2
         default = PAPER_MW_PER_CM2 if printer is None else printer.nominal
         return self.slicing.irradiance_mW_per_cm2 or default

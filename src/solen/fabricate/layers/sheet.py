@@ -172,7 +172,7 @@ def has_curve(process: Process | None) -> TypeGuard[Process]:
 
 
 def cure_law(job: Job, resin: Resin | None) -> tuple[CureLaw | None, str | None]:
-    """Return the cure law of a job and its description: that of the process if it was measured, else of the resin."""
+    """Return the cure law and its description: of the process if it was measured, otherwise of the resin."""
     process = job.process
     if has_curve(process):
         s = process.process

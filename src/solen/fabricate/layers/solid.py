@@ -151,7 +151,7 @@ class Slices(Solid):
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
-    """Return the solid of a part rotated by a matrix (3, 3): exact outlines if Z stays vertical, else `Slices`.
+    """Return the solid of a part rotated by a matrix (3, 3): exact outlines if Z stays vertical, otherwise `Slices`.
 
     Raises
     ------

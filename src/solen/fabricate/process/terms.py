@@ -37,7 +37,7 @@ class Terms:
 
 
 def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
-    """Return the terms of the dose at a height above the plate, in a part with a number of layers.
+    """Return the terms of the dose at a height above the build plate, in a part of ``layers`` layers.
 
     A height between two layers is treated as the far side of the later one. Below 0 is liquid resin under the first
     layer, as under an overhang: it receives the light transmitted through every layer.

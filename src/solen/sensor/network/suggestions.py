@@ -146,7 +146,7 @@ def _on_sides(design: Design) -> Iterator[Trial]:
 
 
 def _new_name(design: Design, name: str) -> str:
-    """Return a name that no part of a network has: ``tip``, or else ``tip-2``."""
+    """Return a name that no part of a network has: ``tip``, or ``tip-2`` if ``tip`` is taken."""
     network = design.network
     names = {part.name for part in (*network.lenses, *network.emitters, *network.receivers)}
     number = 1
