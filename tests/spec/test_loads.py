@@ -74,7 +74,7 @@ def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
         ),
         (
             PRESSED + HOLD + FINGER + "absorption_per_mm = 1\n",
-            "press[0].absorption_per_mm = 1.0; does not apply without index",
+            "press[0].absorption_per_mm = 1.0; does not apply without an index",
             "index",
         ),
         (TURNED + HOLD + CLAMP.replace('about = "stem-base"', ""), "hold[1].about; missing", "stem-base"),

@@ -52,7 +52,7 @@ def noise_of(time_s: FloatArray, values: FloatArray, holds: Iterable[tuple[int, 
 def pooled_noise(scatters: Sequence[Scatter]) -> FloatArray:
     """Return the standard deviation of a reading (m,).
 
-    It is that of the readings in holds, or else follows from second differences; NaN if there is neither.
+    It is that of the readings in holds, otherwise it follows from second differences; NaN if there is neither.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         rest, moving = (

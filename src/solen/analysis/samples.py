@@ -147,7 +147,7 @@ def _time_s(
 def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Caution]) -> float:
     """Return the factor from a time column to s, and append a warning to ``warnings`` if the unit is assumed.
 
-    The unit is ``unit``, or else that of the column.
+    The unit is ``unit``, otherwise that of the column.
 
     Raises
     ------

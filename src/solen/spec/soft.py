@@ -114,7 +114,7 @@ class Press(Strict):
         if self.depth_mm is not None and self.force_N is not None:
             raise refused("force_N", "does not apply with depth_mm", value=self.force_N, remedy="omit one of them")
         if self.absorption_per_mm and self.index is None:
-            limit = "does not apply without index: a finger in dry contact absorbs no light"
+            limit = "does not apply without an index: a finger in dry contact absorbs no light"
             raise refused(
                 "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add, for example, index = 1.4"
             )
