@@ -157,7 +157,7 @@ def deviations_by_key(variations: Sequence[Variation], row: Sequence[float]) -> 
 
 
 def draw_deviations(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
-    """Return deviations (P, D) of prints, drawn with a scrambled Sobol' sequence."""
+    """Return deviations (P, D) of prints, sampled with a scrambled Sobol' sequence."""
     probabilities = sobol(len(variations), prints, np.random.default_rng(seed))
     columns = [variation.quantile(column) for variation, column in zip(variations, probabilities.T, strict=True)]
     return np.column_stack(columns)

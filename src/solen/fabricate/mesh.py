@@ -119,7 +119,7 @@ def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
         limit = f"has no closed mesh within {tolerance_mm:g} mm"
-        raise DesignError(name, limit=limit, remedy="use another --tolerance-mm, or simplify the outline")
+        raise DesignError(name, limit=limit, remedy="use a smaller --tolerance-mm, or simplify the outline")
     return mesh
 
 

@@ -46,6 +46,5 @@ def _trimmed(face: Face, depth_mm: float, *, ends: bool) -> Face:
         if 0.0 < fraction < 1.0:
             return replace(face, curve=curve.part(0.0, fraction) if ends else curve.part(fraction, 1.0))
     limit = f"ends in front of z = {depth_mm:.3f} mm, where the lens ends at another height"
-    raise DesignError(
-        face.name, limit=limit, remedy="reduce the thickness of the body, or move the wall table away from the lens"
-    )
+    remedy = "reduce the thickness of the body, or move the part of the wall that [[wall]] covers away from the lens"
+    raise DesignError(face.name, limit=limit, remedy=remedy)

@@ -1,4 +1,4 @@
-"""Checks of keys in different tables of a design: which of them require or exclude one another."""
+"""Checks of keys in different tables of a design: which keys require or exclude one another."""
 
 from typing import TYPE_CHECKING
 
@@ -79,7 +79,7 @@ def _check_network(design: "Design") -> None:
 DRAWN_TABLES = ("nodes", "guides", "fixed")
 """Network keys that the drawing replaces."""
 DRAWN_KEYS = ("node", "guide", "side", "at_mm", "from_mm", "to_mm", "distance_mm", *UNUSED_KEYS["outline"]["lens"])
-"""Keys that define the position or shape of a part, which the drawing gives instead."""
+"""Keys that define the position or shape of a part; in a drawn network, the drawing defines them."""
 
 
 def _check_positions(design: "Design") -> None:

@@ -200,7 +200,7 @@ def _check_driven(design: "Design") -> None:
 
 
 def _check_quantities(design: "Design") -> None:
-    """Check that the driven quantity is not given in its own table, and that the tables of other loads give theirs."""
+    """Check that the driven quantity is not given in its own table, and that the quantities of all other loads are."""
     driven_table, name, _ = driven(design)
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(design, table)):

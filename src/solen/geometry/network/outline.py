@@ -27,7 +27,7 @@ ROUNDING_MM = 1e-9
 
 @dataclass
 class Walk:
-    """The sides of guides, the side that follows each in the walk, and the faces between the two."""
+    """The sides of guides, the next side of each in the walk, and the faces between a side and the next."""
 
     plan: Plan
     runs: dict[SideKey, Run]
@@ -81,7 +81,7 @@ class Walk:
         return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
 
     def faces(self, side_key: SideKey) -> list[Face]:
-        """Return the faces of a side of a guide with its parts, in walking direction, and those up to the next side."""
+        """Return the faces of a guide's side and its parts in walking direction, then those up to the next side."""
         name, side = side_key
         run, network = self.runs[side_key], self.plan.network
         curve, from_end = run.remaining, side == "left"
