@@ -143,7 +143,7 @@ def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
     """Return the names of the seats, each with the receiver face in which it is cut."""
     faces = [face for face in body.all_faces if face.part == "receiver"]
     if not faces:
-        raise DesignError(key, limit="requires a body with receiver faces", remedy="omit it")
+        raise DesignError(key, limit="requires a body with receiver faces", remedy=f"omit {key}")
     for face in faces:
         if not isinstance(face.curve, Segment):
             limit = f"requires straight faces, but {face.name} is curved at {point_text(face.curve.middle_point)}"

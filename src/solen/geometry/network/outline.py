@@ -279,10 +279,12 @@ def _check_node(plan: Plan, number: int, guide_count: int) -> None:
     if node.end != "open" and (guide_count > 1 or parts):
         reason = f"{parts[0].name} is {where}" if parts else f"{guide_count} guides meet {where}"
         limit = f"does not apply: {reason}"
-        raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit it")
+        raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit end")
     if guide_count == 1 and node.fillet_mm:
         limit = f"does not apply: a single guide ends {where}"
-        raise DesignError(f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit, remedy="omit it")
+        raise DesignError(
+            f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit, remedy="omit fillet_mm"
+        )
 
 
 def outlines(walk: Walk) -> list[tuple[Face, ...]]:
