@@ -160,7 +160,7 @@ class Prints:
         return draw_deviations(self.variations, SURROGATE_SAMPLES, 1)
 
     def met(self, requirements: Sequence[Requirement], merits: Mapping[str, FloatArray]) -> BoolArray:
-        """Return a mask (N,) of the merits that meet all requirements."""
+        """Return a mask (N,) of the prints or samples whose merits meet all requirements."""
         size = next(iter(merits.values())).size
         met = np.ones(size, bool)
         for requirement in requirements:

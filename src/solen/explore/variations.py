@@ -108,10 +108,10 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
     """
     if key.partition(".")[0] in EXCLUDED_TABLES or key.startswith("network.motion["):
         limit = "does not affect the response, or must be the same for all designs that are compared"
-        raise SpecError(f"{option} {key}", limit=limit, remedy="omit it")
+        raise SpecError(f"{option} {key}", limit=limit, remedy=f"omit {option} {key}")
     number(sensor, key)
     if why := "" if material and key in MATERIAL_KEYS else why_inert(sensor, key):
-        raise SpecError(f"{option} {key}", limit=why, remedy="omit it")
+        raise SpecError(f"{option} {key}", limit=why, remedy=f"omit {option} {key}")
 
 
 def parse_deviation(text: str, sensor: Sensor, option: str) -> tuple[str, float]:

@@ -14,7 +14,7 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Return the prism, without motion, with the outline at y from mid-height; for a prism, the body itself."""
+    """Return a prism with the section of a body at ``y_mm`` from mid-height, without motion; a prism as it is."""
     return body if body.front is None else with_front(body, body.front.lens.section(y_mm))
 
 
@@ -39,7 +39,7 @@ def _side(name: str, start: Point, end: Point) -> list[Face]:
 
 
 def _trimmed(face: Face, depth_mm: float, *, ends: bool) -> Face:
-    """Return a side of the stem, trimmed so that it begins or ends at a depth."""
+    """Return a side of the stem, trimmed to begin at a depth, or to end there if ``ends`` is set."""
     curve = face.curve
     if isinstance(curve, Parabola):
         fraction = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
