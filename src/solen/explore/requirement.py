@@ -101,7 +101,7 @@ class Requirement(Expression):
     """A condition on merits."""
 
     def met(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> BoolArray:
-        """Return a mask (P,) of the merits that meet the condition, given those of the design; false if missing."""
+        """Return a mask (P,) of the points whose merits meet the condition; false if a merit is missing."""
         exists = np.all([~np.isnan(merits[name]) for name in self.merits], axis=0)
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)) & exists, dtype=bool)
