@@ -4,8 +4,8 @@ Allowed are names, numbers, + - * / ** and parentheses, abs, min and max, compar
 `Grammar` defines the names. It may also define functions whose argument is a name, such as ``worst(light)``, whose
 value is looked up under the name ``worst light``.
 
-`parsed` parses a text, and `names` lists its names; `value` evaluates it, `derivatives` differentiates it with respect
-to its names, and `violation` measures by how much a condition is not met.
+`parsed` parses a string, and `names` lists its names; `value` evaluates it, `derivatives` differentiates it with
+respect to its names, and `violation` measures by how much a condition is not met.
 """
 
 import ast
@@ -67,7 +67,7 @@ class Grammar:
 
 
 def parsed(text: str, grammar: Grammar) -> ast.expr:
-    """Return the syntax tree of a text; its names and operations are not yet checked."""
+    """Return the syntax tree of a string; its names and operations are not yet checked."""
     if len(text) > MAX_LENGTH:
         raise grammar.refusal(f"is longer than {MAX_LENGTH} characters", "")
     try:
@@ -186,7 +186,7 @@ def _is_condition(node: ast.expr) -> bool:
 
 
 def _name_function(node: ast.Call, function: str, grammar: Grammar) -> str:
-    """Return the name under which the value of a function of a name is stored."""
+    """Return the name under which a function such as ``worst(light)`` is looked up: ``worst light``."""
     if not (len(node.args) == 1 and not node.keywords and isinstance(node.args[0], ast.Name)):
         raise grammar.refusal(f"{function} requires one {grammar.noun}", "")
     name = f"{function} {node.args[0].id}"

@@ -275,7 +275,7 @@ def csv_cell(text: str) -> str:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a link to one, if it exists; raise `OutputError` if that fails."""
+    """Remove a file, or a symbolic link to one, if it exists; raise `OutputError` if that fails."""
     try:
         if path.is_file() or path.is_symlink():
             path.unlink()
@@ -297,7 +297,7 @@ def _temporary_prefix(target: Path) -> str:
 
 
 def _target(path: Path) -> Path:
-    """Return the target of ``path``, with links followed; raise `ValueError` if it is not an ordinary file."""
+    """Return the target of ``path``, with symbolic links followed; raise `ValueError` if it is not an ordinary file."""
     target = path.resolve()
     if not target.name or (target.exists() and not target.is_file()):
         raise ValueError("not an ordinary file")

@@ -77,7 +77,7 @@ class Rigid:
     def nearest(
         cls, before: NDArray[np.float64], after: NDArray[np.float64], weight: NDArray[np.float64] | None = None
     ) -> "Rigid":
-        """Return the least-squares motion that takes points (N, 2) to others; exactly the identity if none moves."""
+        """Return the least-squares motion that maps points (N, 2) to others; the exact identity if no point moves."""
         if np.array_equal(before, after):
             return cls()
         weights = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()

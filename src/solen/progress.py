@@ -13,7 +13,7 @@ Progress = Callable[[float], None]
 
 
 def part_of(progress: Progress | None, first: float, total: float = 1.0, length: float = 1.0) -> Progress | None:
-    """Return the function for the progress of a part that begins at ``first`` and has ``length``, out of ``total``."""
+    """Return the progress function of a part of the work, which begins at ``first`` of ``total`` and has ``length``."""
     return None if progress is None else lambda done: progress((first + length * done) / total)
 
 

@@ -82,13 +82,13 @@ def ranked(warnings: Iterable[str]) -> list[str]:
 
 
 def _merged(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Return the warnings that repeat the first for other subjects or with other numbers, and their common line."""
+    """Return the first warning with those like it, for other subjects or numbers, and the line that replaces them."""
     named = (_of_sentence(group, sentence) for _, sentence in group[0].tails())
     return max((*named, _of_numbers(group)), key=lambda candidate: len(candidate[0]))
 
 
 def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warning], str]:
-    """Return the warnings with the same sentence after their names, and their common line."""
+    """Return the warnings that contain a sentence, alone or after names, and the one line that replaces them."""
     candidate = {item: name for item in group for name, tail in item.tails() if tail == sentence}
     if len(candidate) == 1:
         return list(candidate), group[0].text

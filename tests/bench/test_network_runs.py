@@ -101,7 +101,7 @@ def test_recovers_written_states_of_killed_run(bench: Path) -> None:
         ("rig", "end = 2,", "tip = 2,", ("'tip'", "end, side, right")),
         ("rig", "[stages.sway]", "[stages.sway]\n[stages.nod]", ("'nod'", "lean, sway")),
         ("rig", "[stages.sway]", "", ("'sway'", "lean")),
-        ("rig", "end = 2, side = 1", "end = 2, side = 2", ("inputs", "2 twice")),
+        ("rig", "end = 2, side = 1", "end = 2, side = 2", ("inputs", "2 occurs twice")),
         ("rig", "emitters = {a = 1, b = 3}\n", "", ("emitters", "missing")),
         ("rig", "emitters = {a = 1, b = 3}", "emitters = {a = 1, b = 3}\nright = 5", ("right", "5")),
         ("rig", "[stages.lean]\n[stages.sway]\n", "", ("stages", "fork")),

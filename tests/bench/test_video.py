@@ -84,8 +84,8 @@ def test_uses_irregular_time_stamps(tmp_path: Path) -> None:
     assert motion.longest_gap_s == pytest.approx(0.18)
     assert np.sqrt(np.mean((motion.angle_deg - angle) ** 2)) < 0.05
     warnings = " ".join(motion.warnings)
-    assert "1 gaps in the video, up to 0.18 s" in warnings
-    assert re.search(r"intervals vary by \d\.\d ms about 3\d", warnings)
+    assert "number of gaps in the video: 1, up to 0.18 s" in warnings
+    assert re.search(r"intervals between frames vary by \d\.\d ms about 3\d", warnings)
     assert "rolling shutter" in warnings
 
 

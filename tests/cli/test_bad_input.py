@@ -289,7 +289,7 @@ SAMPLINGS = [
         (["sensitivity", "sensor.toml", "emitter.rays"], "emitter.rays = 100; "),
         (["sensitivity", "sensor.toml", "lens.shape"], "real number"),
         (["sensitivity", "sensor.toml", "lens.design_index"], "lens.design_index; "),
-        (["sensitivity", "sensor.toml", "lens.focus_mm", "receivers.gap_mm"], "has no air gap; omit it"),
+        (["sensitivity", "sensor.toml", "lens.focus_mm", "receivers.gap_mm"], "has no air gap; omit receivers.gap_mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "0"], "--tolerance-mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "nan"], "--tolerance-mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "fine"], "--tolerance-mm"),

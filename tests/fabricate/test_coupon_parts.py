@@ -73,7 +73,7 @@ def test_features_are_at_their_positions(name: str) -> None:
     x, y = 0.5 * coupon.slab.width_mm - 0.1, 0.5 * coupon.slab.depth_mm - 0.1
     contains = section(solid, 0.4)
     corners = [contains(x, y), contains(x, -y), contains(-x, y), contains(-x, -y)]
-    assert corners == [False, True, True, True], "the rear right corner is bevelled"
+    assert corners == [False, True, True, True], "the rear right corner is chamfered"
 
 
 def section(solid: trimesh.Trimesh, height_mm: float) -> Callable[[float, float], bool]:

@@ -13,11 +13,13 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from manifold3d import Manifold
 
 from solen import __version__
 from solen.curve import Arc, Segment
 from solen.errors import DesignError, SpecError
 from solen.fabricate import Mesh, Part, Prism, as_glb, as_stl, as_threemf, label_of, mesh_of
+from solen.fabricate.mesh import closed_mesh
 from solen.geometry import Face
 from solen.spec import Design
 from tests.fabricate.solid_support import body_of, design, oval_distance_mm, part_of, seated
@@ -244,3 +246,8 @@ def test_counts_open_edges() -> None:
         edges = [(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)]
         expected = sum(edges.count(edge) != 1 or edges.count(edge[::-1]) != 1 for edge in set(edges))
         assert Mesh(mesh.vertices, triangles, 1e-2).open_edges() == expected
+
+
+def test_error_for_an_open_mesh_names_no_option_without_one() -> None:
+    with pytest.raises(DesignError, match=r"^print; has no closed mesh within 0\.001 mm; simplify the outline$"):
+        closed_mesh(Manifold(), 1e-3, "print")

@@ -105,7 +105,7 @@ def test_measures_height_map_of_z_reference(printed_result: Run) -> None:
         (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that an image shows"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "neither a TIFF nor a table"),
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
-        (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
+        (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is required"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),
         (["a.png", "--job", "job.json", "--um-per-px", "14"], "job.json"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure must end in"),

@@ -239,7 +239,7 @@ def test_numbers_of_holds_and_fingers_have_derivatives() -> None:
         (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers no part of receiver-"),
         (
             turned(ENDS + "to_mm = 1000\n"),
-            r"mount\.to_mm = 1000\.0; must be at most \d\.?\d* mm, the length of receiver-\*; omit it",
+            r"mount\.to_mm = 1000\.0; must be at most \d\.?\d* mm, the length of receiver-\*; omit to_mm",
         ),
         (turned(ENDS).set({"mechanics.plane": "stress", "mechanics.poisson": 0.45}), r"mechanics\.poisson = 0\.45"),
         (pressed(LENS + FORK, values="[9]"), r"finger.* = 9"),

@@ -127,7 +127,7 @@ def check_lenses(sensor_practice: Practice, own: Response) -> None:
     [
         ({"trace__dimension": "2d"}, "plane"),
         ({"emitter__width_mm": 0.0}, "point"),
-        ({"lens__shape": "none"}, "none of these lenses"),
+        ({"lens__shape": "none"}, "neither a cylinder nor"),
         ({"motion__from_deg": 1.0}, "null"),
     ],
 )

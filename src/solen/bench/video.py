@@ -268,7 +268,9 @@ def _check_stamps(stamps: FloatArray, warnings: list[Caution]) -> None:
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]
     if len(gaps):
-        warnings.append(warning(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: frames were dropped"))
+        warnings.append(
+            warning(f"number of gaps in the video: {len(gaps)}, up to {gaps.max():.3g} s: frames were dropped")
+        )
     spread = float(np.std(steps[steps <= GAP * usual]))
     if spread > UNEVEN * usual:
         varying = f"the intervals between frames vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"

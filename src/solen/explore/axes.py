@@ -22,7 +22,7 @@ FORMS = "write KEY=FROM:TO:NUMBER, KEY=VALUE,VALUE,... or, with --samples, KEY=F
 
 @dataclass(frozen=True)
 class Axis:
-    """One key of the design and its values, which for a range to be sampled are its two ends."""
+    """One key of the design and its values; for a range to be sampled at random, the values are its two ends."""
 
     key: str
     values: tuple[Any, ...]
@@ -94,7 +94,7 @@ def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = Non
     Raises
     ------
     SpecError
-        If a key is specified twice, a range is not sampled, or there are too many points.
+        If a key is specified twice, a range has no number of values, or there are too many points.
     """
     if not axes:
         raise SpecError("--over", limit="a sweep requires at least one axis", remedy=FORMS)
@@ -109,7 +109,7 @@ def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = Non
             limit = "is a range without a number of values"
             raise SpecError(f"--over {axis.key}", value=ends, limit=limit, remedy="add :NUMBER or --samples N")
         if axis.kind == "spaced" and samples is not None:
-            limit, remedy = "--samples draws its values from a range", f"write --over {axis.key}={ends}"
+            limit, remedy = "must be a range with --samples", f"write --over {axis.key}={ends}"
             raise SpecError(f"--over {axis.key}", value=f"{len(axis.values)} values", limit=limit, remedy=remedy)
     count = math.prod(len(axis.values) for axis in axes) if samples is None else samples
     points = range(count) if part is None else _part(part, count)
@@ -141,6 +141,6 @@ def grid(axes: Sequence[Axis], points: range | None = None) -> Iterator[dict[str
 
 
 def sampled(axes: Sequence[Axis], points: range, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield points of a scrambled Sobol' sequence; values of a list are drawn with equal probability."""
+    """Yield points of a scrambled Sobol' sequence; values of a list have equal probability."""
     for row in sobol(len(axes), len(points), np.random.default_rng(seed), points.start).tolist():
         yield {axis.key: axis.at(fraction) for axis, fraction in zip(axes, row, strict=True)}

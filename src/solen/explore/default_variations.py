@@ -41,7 +41,7 @@ DATASHEET_LIMITS = {
 def variations_of(
     sensor: Sensor, texts: Sequence[str], process: Path | None = None, *, compensated: bool = False
 ) -> list[Variation]:
-    """Return the specified variations, those of a process and, without texts or with ``usual``, the default ones.
+    """Return the specified variations and those of a process; without texts or with ``usual``, also the default ones.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def variations_of(
     keys = [variation.key for variation in variations]
     repeated = next((key for key in keys if keys.count(key) > 1), None)
     if repeated:
-        raise SpecError(f"--vary {repeated}", limit="is specified twice", remedy="omit one of the variations")
+        raise SpecError(f"--vary {repeated}", limit="is specified twice", remedy="omit one of its variations")
     if len(specified) < len(texts) or not texts:
         by_process = {*MM_PER_GROWTH_UM, *SHRINKING} - {"emitter.distance_mm"} if printed else set()
         known = {key for variation in specified for key in variation.weights} | by_process

@@ -120,7 +120,7 @@ class PrintModel:
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
         """Return the change (N,) of the print from that of the design, and the increase of this change with more blur.
 
-        The blur is increased by its standard uncertainty.
+        More blur means a blur wider by its standard uncertainty.
         """
         change = self._change(self.plain, drawing)
         return change, (np.zeros_like(change) if self.wider is None else self._change(self.wider, drawing) - change)

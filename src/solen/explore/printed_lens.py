@@ -41,7 +41,7 @@ def check_printable(sensor: Sensor) -> DesignedLens:
         return sensor.cut
     limit = "only an oval or a free form can be printed as one profile"
     shape = "the lenses of a network" if sensor.is_network else sensor.design.lens.shape
-    raise SpecError("--as-printed", value=shape, limit=limit, remedy="omit it")
+    raise SpecError("--as-printed", value=shape, limit=limit, remedy="omit --as-printed")
 
 
 @dataclass(frozen=True)

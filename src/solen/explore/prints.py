@@ -1,4 +1,4 @@
-"""Traced prints of a design and surrogates of their merits: yields, costs of tolerances, variation of merits.
+"""Traced prints of a design, and surrogates of their merits: yields, effects of tolerances, variation of merits.
 
 The yield comes from a surrogate of every merit, corrected by the traced prints. The surrogate alone gives the cost of
 each tolerance and its largest acceptable value.
@@ -160,7 +160,7 @@ class Prints:
         return draw_deviations(self.variations, SURROGATE_SAMPLES, 1)
 
     def met(self, requirements: Sequence[Requirement], merits: Mapping[str, FloatArray]) -> BoolArray:
-        """Return a mask (N,) of the merits that meet all requirements."""
+        """Return a mask (N,) of the prints or samples whose merits meet all requirements."""
         size = next(iter(merits.values())).size
         met = np.ones(size, bool)
         for requirement in requirements:
@@ -258,7 +258,7 @@ class Prints:
             }
 
         def fraction(name: str, error: float, base_error: float) -> float:
-            """Return the fraction for some errors of one merit: of the prints and of the design."""
+            """Return the fraction if one merit of the prints and of the design has the given errors."""
             shifted = {**merits, name: merits[name] + error}
             prints = replace(self, base={**self.base, name: self.base[name] + base_error})
             return float(prints.met(requirements, prints._calibrated(shifted) if calibrated else shifted).mean())

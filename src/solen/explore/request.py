@@ -41,7 +41,7 @@ class Request(NamedTuple):
         Raises
         ------
         OutputError
-            If it does, with the difference.
+            If the folder contains the results of another request; the message describes the difference.
         DataError
             If the file is damaged.
         """

@@ -72,7 +72,7 @@ def _names_or_points(
     machine: Machine,
     progress: Progress | None,
 ) -> list[str | Point]:
-    """Return the names of responses, which are then in the store, or the points of designs that cannot be traced."""
+    """Return for each variant the name of its stored response, or the point of a design that cannot be traced."""
     points: list[str | Point] = []
     missing: dict[str, Variant] = {}
     for make in variants:

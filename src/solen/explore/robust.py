@@ -14,7 +14,7 @@ MAX_PARAMETERS = 4
 
 
 def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator[dict[str, float]]:
-    """Yield the deviations of each case: first none, then all combinations; with ``mirrors``, one of two mirror images.
+    """Yield the deviations of each case: first none, then all combinations; ``mirrors`` omits mirror images.
 
     Raises
     ------

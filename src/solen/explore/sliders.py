@@ -127,7 +127,9 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
         report(1.0)
     if not any(points):
         raise SpecError(
-            "--over", limit="none of these sensors can be built", remedy="use values closer to those of the design"
+            "--over",
+            limit="no sensor can be built with any combination of values",
+            remedy="use values closer to those of the design",
         )
     return Sliders(
         name=design.name,

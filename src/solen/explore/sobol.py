@@ -7,7 +7,7 @@ from solen.arrays import FloatArray
 
 
 def sobol(dimensions: int, count: int, rng: np.random.Generator, first: int = 0) -> FloatArray:
-    """Return points (count, dimensions) of a Sobol' sequence scrambled with a generator, from the one with an index."""
+    """Return points (count, dimensions) of a Sobol' sequence, scrambled with ``rng``, from the point ``first`` on."""
     sequence = qmc.Sobol(dimensions, rng=rng)
     if first:
         return np.asarray(sequence.fast_forward(first).random(count))

@@ -141,7 +141,7 @@ class Variant:
     chips: tuple[Chip, ...] = ()
 
     def name(self, accuracy: Accuracy) -> str:
-        """Return the name of its response: equal for equal inputs, different for different inputs."""
+        """Return the name under which its response is stored: a hash of everything that affects the response."""
         design = self.design.set(name="point")
         process = None if self.printed_by is None else self.printed_by.model_dump(mode="json")
         deviations = sorted(self.deviations.items())

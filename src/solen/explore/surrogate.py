@@ -96,7 +96,7 @@ def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatAr
 
 
 def fold_indices(samples: int) -> IntArray:
-    """Return the fold of each sample in random order, since every n-th Sobol' point is in the same part of the cube."""
+    """Return the random fold of each sample, since every n-th Sobol' point is in the same part of the cube."""
     return np.asarray(np.random.default_rng(0).permutation(samples) % FOLDS)
 
 

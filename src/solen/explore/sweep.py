@@ -96,7 +96,7 @@ def sweep(
     _check_same_angles(axes)
     if options.samples is None and "seed" in options.model_fields_set:
         limit = "is the seed of --samples, and a grid uses no seed"
-        raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or omit it")
+        raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or omit --seed")
     points = list(grid(axes, indices) if options.samples is None else sampled(axes, indices, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))

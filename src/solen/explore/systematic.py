@@ -30,7 +30,7 @@ CORRELATION_LENGTHS_MM = (0.12, 0.25, 0.5, 1.0)
 PIXEL_LENGTH_MM = 0.1
 """Correlation length of the effects of pixels on an edge."""
 REPEAT_FACTORS = ((0.4, 0.25), (1.0, 0.5), (2.5, 0.25))
-"""Factors on the specified difference between prints, and their weights: it is known within a factor of 2."""
+"""Factors on the specified difference between prints, which is known within a factor of 2, and their weights."""
 MODEL_ERROR_FACTORS = ((0.3, 0.4), (0.8, 0.4), (1.5, 0.2))
 """Factors on the expected error of modelled pixel effects, and their weights."""
 U_POSE = 0.1
@@ -72,8 +72,8 @@ class Prior:
 class Systematic:
     """The common deviations of all prints of a design, at lengths (n,) along its front.
 
-    A state is the deviation (n,) in µm of prints of the first drawing, including overgrowth and size, followed by these
-    two separately and by the blur. Its distribution is a weighted mixture of normal distributions.
+    A state is the deviation (n,) in µm of prints of the first drawing, including overgrowth and size, followed by the
+    overgrowth, the size and the blur. Its distribution is a weighted mixture of normal distributions.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Systematic:
     error_factors
         Factor (H,) on the expected error of modelled pixel effects.
     log_evidence
-        Logarithm of the marginal likelihood of all images, up to a constant.
+        Log marginal likelihood of all images, up to a constant.
     """
 
     contour: Contour
@@ -210,7 +210,7 @@ class _Problem:
         return np.asarray(factor), lower
 
     def log_evidence(self, form: float, length: float, repeat: float, error_factor: float) -> float:
-        """Return the logarithm of the likelihood of all measurements, up to a constant."""
+        """Return the log-likelihood of all measurements, up to a constant."""
         factor = self._factor(form, length, repeat, error_factor)
         return float(-0.5 * self.residual @ cho_solve(factor, self.residual) - np.log(np.diag(factor[0])).sum())
 

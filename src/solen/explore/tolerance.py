@@ -57,7 +57,7 @@ class ToleranceOptions(AccuracyOptions):
     lengths.
     """
     compensated: bool = False
-    """The drawing is compensated for that process: the mean deviation of growth and shrinkage is 0."""
+    """The drawing is compensated for the process of --process: the mean deviation of growth and shrinkage is 0."""
     adjust: str | None = None
     """Adjustment of each print on the bench, KEY=LIMIT, as in emitter.offset_mm=0.05: the parameter is changed by up to
     this limit until the contrast at the design's null is zero. Every print is then traced twice.

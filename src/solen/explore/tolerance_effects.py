@@ -22,7 +22,7 @@ STUDENT_FACTOR = 1.2
 
 
 class ToleranceEffect(Result):
-    """Change of the contrast when a parameter deviates by its tolerance: half the difference between both signs.
+    """Change of the contrast when a parameter deviates by its tolerance: half the difference between plus and minus.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class ToleranceEffect(Result):
 def tolerance_effects(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[ToleranceEffect]:
     """Yield the change of contrast due to the tolerance of each parameter as it is traced, until ``stop`` is true.
 
-    Parameters that the batch does not support are omitted; one at its limit deviates in one direction only.
+    Parameters that the batch does not support are omitted; a parameter at its limit deviates in one direction only.
     """
     if why_not_batched(sensor):
         return

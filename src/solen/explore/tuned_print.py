@@ -72,7 +72,7 @@ class TunedPrint(Result):
     Attributes
     ----------
     design, simulated, process
-        Names of the design and the process, and whether any image was simulated.
+        Name of the design, whether any image was simulated, and name of the process.
     number, drawn_by
         Number of the print, and its drawing.
     rms_um, u_rms_um
@@ -80,8 +80,8 @@ class TunedPrint(Result):
     common
         Deviations common to all prints.
     corrected
-        Names of the corrected deviations: the form, and the others if they exceed their uncertainties. The means of
-        the others are corrected too.
+        Names of the corrected deviations: the form, and overgrowth and size if they exceed their uncertainties. Smaller
+        means of overgrowth and size are corrected too; size only if the scale has an uncertainty.
     kept
         Whether the previous drawing is kept, since no correction is predicted to be better.
     wall_um, scale

@@ -54,7 +54,7 @@ POINT_STEP = 3
 MAX_BLUR_STEPS = 3.0
 """Largest increase of the printer's blur, in standard uncertainties."""
 MAX_LOG_RATIO = 20.0
-"""Logarithm of the likelihood ratio above which a print is considered to be a print of another drawing."""
+"""Log-likelihood ratio above which a print is considered to be a print of another drawing."""
 UNKNOWN_DRAWING = -1
 FIXED_SHRINKAGE_U = 1e-3
 """Uncertainty in % that keeps the shrinkage at its prior, so that the size error is attributed to the image scale."""
@@ -95,7 +95,7 @@ def tune(
     Raises
     ------
     DataError
-        If the log belongs to another design or printer, or the print to another drawing.
+        If the log belongs to another design or printer, or the print is a print of another drawing.
     SpecError, DesignError
         If the part is not printed flat, or the design does not have a single lens.
     """
@@ -146,12 +146,12 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
 
 
 def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
-    """Return the number of the drawing of this print; raise `DataError` if the specified file is another drawing."""
+    """Return the number of the drawing of this print; raise `DataError` if ``--drawn`` is another drawing."""
     expected = log.last_drawing
     if options.another_copy:
         if not log.prints:
             limit = "requires an earlier print, but the log has none"
-            raise SpecError("--another-copy", limit=limit, remedy="omit it")
+            raise SpecError("--another-copy", limit=limit, remedy="omit --another-copy")
         expected = log.prints[-1].drawing
     if options.drawn is None:
         return expected
@@ -161,8 +161,8 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
         return expected
     matches = [number for number, known in hashes.items() if known == sha256]
     identity = f"is {log.name(matches[0])}" if matches else "is not a drawing of this log"
-    limit = f"{identity}; this print should be a print of {log.name(expected)}"
-    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="take an image of a print of that drawing")
+    limit = f"{identity}, but this print should be a print of {log.name(expected)}"
+    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="take an image of a print of the latter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ class _Tuning:
         return self.log.drawing(number, len(self.model.target.points_mm))
 
     def _systematic(self, number: int, arc_mm: FloatArray, pixels_of: int | None = None, **priors: float) -> Systematic:
-        """Return the common deviations of all prints if this print was made from drawing ``number``.
+        """Return the common deviations of all prints, assuming that this one is a print of the drawing ``number``.
 
         With ``pixels_of``, the errors of the pixel effects are those of drawing ``pixels_of``.
         """
@@ -228,7 +228,7 @@ class _Tuning:
         return infer_systematic(self.contour, measured, prior, arc_mm)
 
     def check_drawing(self) -> None:
-        """Raise `DataError` if the print resembles that of another drawing, unless its drawing is specified."""
+        """Raise `DataError` if the print resembles a print of another drawing, unless its drawing is specified."""
         if not self.log.prints or self.options.drawn is not None:
             return
         numbers = [0, *(logged.number for logged in self.log.prints if not logged.keeps)]
@@ -390,7 +390,7 @@ class _Tuning:
         return np.asarray(deviation_um)
 
     def _profile(self, deviation_um: FloatArray, u_um: float) -> MeasuredProfile:
-        """Return the profile of a lens with a deviation."""
+        """Return the profile of the designed lens with a deviation added."""
         target = self.model.target
         along = self.inspection.nominal.nearest(target.points_mm).arc_mm
         deviation = Deviation(target, np.interp(along, self.arc_mm, deviation_um))

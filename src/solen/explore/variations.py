@@ -108,10 +108,10 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
     """
     if key.partition(".")[0] in EXCLUDED_TABLES or key.startswith("network.motion["):
         limit = "does not affect the response, or must be the same for all designs that are compared"
-        raise SpecError(f"{option} {key}", limit=limit, remedy="omit it")
+        raise SpecError(f"{option} {key}", limit=limit, remedy=f"omit {option} {key}")
     number(sensor, key)
     if why := "" if material and key in MATERIAL_KEYS else why_inert(sensor, key):
-        raise SpecError(f"{option} {key}", limit=why, remedy="omit it")
+        raise SpecError(f"{option} {key}", limit=why, remedy=f"omit {option} {key}")
 
 
 def parse_deviation(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
@@ -157,7 +157,7 @@ def deviations_by_key(variations: Sequence[Variation], row: Sequence[float]) -> 
 
 
 def draw_deviations(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
-    """Return deviations (P, D) of prints, drawn with a scrambled Sobol' sequence."""
+    """Return deviations (P, D) of prints, sampled with a scrambled Sobol' sequence."""
     probabilities = sobol(len(variations), prints, np.random.default_rng(seed))
     columns = [variation.quantile(column) for variation, column in zip(variations, probabilities.T, strict=True)]
     return np.column_stack(columns)

@@ -143,7 +143,7 @@ def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
     """Return the names of the seats, each with the receiver face in which it is cut."""
     faces = [face for face in body.all_faces if face.part == "receiver"]
     if not faces:
-        raise DesignError(key, limit="requires a body with receiver faces", remedy="omit it")
+        raise DesignError(key, limit="requires a body with receiver faces", remedy=f"omit {key}")
     for face in faces:
         if not isinstance(face.curve, Segment):
             limit = f"requires straight faces, but {face.name} is curved at {point_text(face.curve.middle_point)}"
@@ -173,7 +173,8 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
         limit = 'requires body.kind = "y" and a lens that is not drawn'
-        raise DesignError("fabricate.slots", value="emitter", limit=limit, remedy="omit it")
+        remedy = "remove the emitter from fabricate.slots"
+        raise DesignError("fabricate.slots", value="emitter", limit=limit, remedy=remedy)
     lens_half_mm = design.lens.half_width_mm
     if not half_mm < lens_half_mm:
         max_mm = 2 * (lens_half_mm - design.fabricate.clearance_mm)

@@ -33,7 +33,7 @@ NEARBY_MM = 1e-2
 class Face:
     """A named segment of an outline, or of a separate object.
 
-    ``wall`` is the index in the design's wall table that applies to it. Lengths along a face are measured from its
+    ``wall`` is the index of the design's [[wall]] table that applies to it. Lengths along a face are measured from its
     start, or from its end if ``from_end`` is set; ``begins_mm`` is the length at the beginning of a trimmed face.
     """
 
@@ -141,7 +141,7 @@ class Body:
         return area_mm2(self.outlines)
 
     def check(self) -> "Body":
-        """Return the body; raise `DesignError` with faces and position if open, self-intersecting or inside out."""
+        """Return the body; raise `DesignError` with faces and position if it is open, inverted or intersects itself."""
         rings = []
         for outline in self.outlines:
             _check_closed(outline)
@@ -160,7 +160,7 @@ class Body:
             raise self._intersection_error(_position_in(reason), reason)
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """Raise `DesignError` if outlines touch, or if an outline is not oriented as those around it require."""
+        """Raise `DesignError` if outlines touch, or if an outline is not oriented as the outlines around it require."""
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]

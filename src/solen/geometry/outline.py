@@ -1,4 +1,4 @@
-"""A drawn body: closed outlines from a file, in which names identify emitter and receivers, at any motion angle.
+"""Bodies from drawings: closed outlines with named emitter and receivers, moved to any angle of the motion.
 
 Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A face whose name begins with
 ``receiver`` detects light, one with ``mirror`` reflects it and one with ``black`` absorbs it; any other face is a bare
@@ -45,7 +45,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 
 
 def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
-    """Return the body of an outline, like `outline_body`, from a drawing in memory."""
+    """Return the body of a drawing in memory, checked and moved to ``angle_deg``; see `outline_body`."""
     check_numbers("angle_deg", angle_deg)
     rest = body_as_drawn(design, drawing, lambda faces: _emitter(design, drawing, faces))
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _rotated(design, rest, angle_deg)
@@ -53,7 +53,7 @@ def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body
 
 
 def body_as_drawn(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:
-    """Return the body as drawn, with its walls divided; ``emitter_before`` returns its emitter from all its faces."""
+    """Return the body as drawn, with its walls divided; ``emitter_before`` locates its emitter before all faces."""
     check_names(drawing)
     drawn_outlines, standalone = closed_outlines(
         drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm
@@ -74,7 +74,7 @@ def body_as_drawn(design: Design, drawing: Drawing, emitter_before: Callable[[tu
 
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
-    """Return outlines with material on their left, largest first; one inside an odd number of others is a hole."""
+    """Return outlines with material on their left, largest first; holes are inside an odd number of others."""
     import shapely
 
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]

@@ -14,7 +14,7 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Return the prism, without motion, with the outline at y from mid-height; for a prism, the body itself."""
+    """Return a prism with the section of a body at ``y_mm`` from mid-height, without motion; a prism as it is."""
     return body if body.front is None else with_front(body, body.front.lens.section(y_mm))
 
 
@@ -39,13 +39,12 @@ def _side(name: str, start: Point, end: Point) -> list[Face]:
 
 
 def _trimmed(face: Face, depth_mm: float, *, ends: bool) -> Face:
-    """Return a side of the stem, trimmed so that it begins or ends at a depth."""
+    """Return a side of the stem, trimmed to begin at a depth, or to end there if ``ends`` is set."""
     curve = face.curve
     if isinstance(curve, Parabola):
         fraction = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
         if 0.0 < fraction < 1.0:
             return replace(face, curve=curve.part(0.0, fraction) if ends else curve.part(fraction, 1.0))
     limit = f"ends in front of z = {depth_mm:.3f} mm, where the lens ends at another height"
-    raise DesignError(
-        face.name, limit=limit, remedy="reduce the thickness of the body, or move the wall table away from the lens"
-    )
+    remedy = "reduce the thickness of the body, or move the part of the wall that [[wall]] covers away from the lens"
+    raise DesignError(face.name, limit=limit, remedy=remedy)

@@ -88,7 +88,7 @@ def _check_table(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
         raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the range longer")
     if wall.to_mm is not None and wall.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
-        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="omit it to reach the end")
+        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="omit to_mm to reach the end")
 
 
 def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:

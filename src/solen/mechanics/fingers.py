@@ -147,7 +147,7 @@ class Touch:
     normal
         Unit vectors (M, 2) from the finger's centre to the node.
     distance_mm
-        Distances (M,) between the two.
+        Distances (M,) between the finger's centre and the node.
     gap_mm
         Distances (M,) of the node from the finger's circle, negative inside.
     """

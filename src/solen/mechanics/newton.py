@@ -100,12 +100,12 @@ class _Change(NamedTuple):
 
 
 def step(problem: Problem, guess: Guess, prescribed: Prescribed, factors: Factors | None) -> StepResult:
-    """Take one step, shortened if an element would turn inside out.
+    """Take one step, shortened if it would invert an element.
 
     Raises
     ------
     DivergedError
-        If every fraction of the step turns an element inside out; the error gives the element's position.
+        If every fraction of the step inverts an element; the error gives the element's position.
     """
     elements = problem.elements
     forced = prescribed.finger_forces > 0.0
@@ -147,7 +147,7 @@ def _change(problem: Problem, factors: Factors, solution: FloatArray, active: Bo
 
 
 def _shortened(problem: Problem, guess: Guess, jump: FloatArray, change: _Change) -> tuple[Guess, float]:
-    """Return the guess after the step, halved until no element turns inside out, and the movement in a full step."""
+    """Return the guess after the step, halved until no element is inverted, and the movement in a full step."""
     count = problem.elements.displacement_count
     before = guess.unknowns[:count].reshape(-1, 2)
     radii = np.array([finger.press.radius_mm for finger in problem.fingers])
@@ -163,7 +163,7 @@ def _shortened(problem: Problem, guess: Guess, jump: FloatArray, change: _Change
             break
         fraction *= 0.5
         if fraction < MIN_FRACTION:
-            raise DivergedError(f"an element turns inside out at {_centre_text(problem, inverted)}")
+            raise DivergedError(f"an element is inverted at {_centre_text(problem, inverted)}")
     depth = guess.depth + fraction * change.depth
     force = guess.force + fraction * (change.force - guess.force)
     return Guess(unknowns, angles, depth, force), float(np.abs(after - before).max()) / fraction

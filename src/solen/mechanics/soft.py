@@ -43,7 +43,7 @@ EXTRAPOLATED = 4
 
 @dataclass(frozen=True)
 class SoftBody:
-    """A supported body of soft material, ready to be loaded.
+    """A body of soft material with its supports, to which loads can be applied.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ def _with(load: Load, amounts: Iterator[float]) -> Load:
 
 
 def _names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """Return the name of each entry of `_values`."""
+    """Return the names of the load amounts, in the order of `_values`."""
     names: list[str] = []
     for load in loads:
         if isinstance(load, Turn):

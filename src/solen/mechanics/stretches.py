@@ -40,7 +40,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     longest_mm = max(face.begins_mm + ArcLength(face.curve).length_mm for face in named)
     if stretch.to_mm is not None and stretch.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
-        raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="omit it to reach the end")
+        raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="omit to_mm to reach the end")
     parts = [part for face in named if (part := _covered(face, stretch)) is not None]
     if not parts:
         limit = f"covers no part of {stretch.face}, which is {longest_mm:.4g} mm long"

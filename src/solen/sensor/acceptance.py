@@ -6,8 +6,8 @@ converts traced power to currents uses it: `solen.sensor.readings`, the simulate
 
 A trace gives the angle of incidence projected onto the plane. In space, rays also have a y-component: upright walls
 conserve the product of the index and the y-component of a ray's direction, so this product is known at the emitter.
-Light is traced in bands of it, which gives the angle of incidence for each band. Scattering and textured walls do not
-conserve it; for them, the factor for smooth walls is used.
+Light is traced in bands of this product, which gives the angle of incidence for each band. Scattering and textured
+walls do not conserve it; for them, the factor for smooth walls is used.
 """
 
 import math
@@ -80,9 +80,9 @@ class Acceptance:
 
 
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
-    """Yield bands of a scene's first source by the y-component of direction in air, each with two values of it.
+    """Yield bands of a scene's first source by the y-component of direction in air, each with two such y-components.
 
-    The two values match the mean and the standard deviation of the band's emitted light.
+    The two y-components match the mean and the standard deviation of the band's emitted light.
     """
     source = scene.sources[0]
     if scene.extrusion is None:

@@ -1,7 +1,7 @@
 """Effect of the printed lens on the response, compared with the designed lens.
 
 Both lenses are traced with the same body, emitter and material. The difference of their responses is the effect of
-printing. Its uncertainty follows from outlines drawn at random within the uncertainty of the measured profile. These
+printing. Its uncertainty follows from random outlines within the uncertainty of the measured profile. These
 are traced with a larger tolerance than the lens itself: eight outlines determine the uncertainty to about 25 %. Light
 from a point is integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS`
 suffices. If the design's emitter is a point, the lenses are also compared with a chip, since the steps hide the
@@ -32,9 +32,9 @@ MAX_ANGLES, MAX_ANGLES_IN_SPACE = 13, 5
 DRAWS = 8
 """Number of random outlines; eight determine a standard uncertainty to about 25 %."""
 DRAWN_TOLERANCE = 1e-3
-"""Integration tolerance for a drawn outline, as a fraction of the emitted power."""
+"""Integration tolerance for a random outline, as a fraction of the emitted power."""
 DRAWN_RAYS = 2**14
-"""Number of rays from a chip through a drawn outline, for a contrast accuracy of about 5e-4."""
+"""Number of rays from a chip through a random outline, for a contrast accuracy of about 5e-4."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class AsPrinted(Result):
     emitter, chip
         Comparison with the design's emitter and, if that is a point, with a chip of `CHIP_MM`, otherwise None.
     draws
-        Number of outlines drawn for the uncertainties; 0 for an exact profile.
+        Number of random outlines for the uncertainties; 0 for an exact profile.
     """
 
     lens: MeasuredLens = field(metadata=HIDDEN)
@@ -146,7 +146,7 @@ def as_printed(
     progress
         Function called with the completed fraction, up to 1.
     draws
-        Number of outlines to draw within the uncertainty of the profile.
+        Number of random outlines within the uncertainty of the profile.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _comparison(
 
 
 def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
-    """Return contrasts (N,) with a drawn outline at the angles of a response; NaN without light.
+    """Return contrasts (N,) with a random outline at the angles of a response; NaN without light.
 
     They are integrated or sampled if the response was, and otherwise traced with a fan of rays.
     """

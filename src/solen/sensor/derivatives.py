@@ -69,7 +69,7 @@ def sensitivities(
     )
     for key in selected:
         if why := why_inert(sensor, key):
-            raise SpecError(key, limit=why, remedy="omit it")
+            raise SpecError(key, limit=why, remedy=f"omit {key}")
     values = {key: number(sensor, key) for key in selected}
     scene = sensor.scene(angle_deg)
     if (why := integration_obstacle(scene)) and not sensor.is_sampled:

@@ -113,7 +113,7 @@ def _components(body: Body, to: Point) -> tuple[float, float]:
 def _emitter_handle(
     design: Design, body: Body, table: str, along_side: tuple[str, float, float] | None = None
 ) -> Handle:
-    """Return the handle of an emitter; ``along_side`` gives the key, position and sense of one on a guide's side."""
+    """Return the handle of an emitter; ``along_side`` is for an emitter on a guide's side: key, position, sense."""
     key, position, sense = along_side or (f"{table}.offset_mm", design.emitter.offset_mm, 1.0)
 
     def values(to: Point) -> Values:

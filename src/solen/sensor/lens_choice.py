@@ -25,7 +25,7 @@ from solen.spec import with_values
 
 SHAPES = CYLINDER, LAYERED, _ = ("cartesian-oval", "layered", "line-focus")
 SIXTHS, DISPLACED_SIXTH = (1, 2, 3, 6), 2
-"""Angles compared, in sixths of the distance from the null to an end of the motion; that of the displaced emitter."""
+"""Angles compared, in sixths of the distance from the null to an end of the motion; angle of the displaced emitter."""
 Y_DISPLACEMENT_MM, MIN_DEG = 0.1, 1e-6
 MIN_GAIN = 1.1
 """Smallest gain of the signal for which another lens is worthwhile."""
@@ -119,7 +119,7 @@ class LensChoice(Result):
 
     @reported
     def layers_pay(self) -> bool | None:
-        """Whether this gain exceeds 1.1 by more than twice its uncertainty."""
+        """Whether `gain` exceeds 1.1 by more than twice its uncertainty."""
         if self._gain_and_u is None:
             return None
         gain, u_gain = self._gain_and_u
@@ -179,8 +179,9 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
     """Return the reason why no comparison is possible; empty if one is."""
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
-        "the rays are in the plane, where all these lenses are the Cartesian oval": plane,
-        "the design has none of these lenses": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
+        "the rays are in the plane, where cylinder, layered and line-focus lens are all the Cartesian oval": plane,
+        "the design has neither a cylinder nor a layered or line-focus lens": sensor.is_drawn
+        or sensor.design.lens.shape not in SHAPES,
         "rays from a file cannot be traced through a lens for skew rays": sensor.light.ray_file is not None,
         "the emitter is a point: specify the size of its chip": not sensor.light.width_mm > 0.0,
         "the response has no null": null_deg is None,
@@ -203,7 +204,7 @@ def _is_mirrored(sensor: Sensor, response: Response) -> bool:
 
 
 def _ends_deg(response: Response, null_deg: float, *, mirrored: bool) -> list[float]:
-    """Return the ends of the motion used for the comparison, the farther one first; one for a symmetric sensor."""
+    """Return the ends of the motion used for the comparison, the farther first; only one end if symmetric."""
     first, last = float(response.angle_deg[0]), float(response.angle_deg[-1])
     ends = [first] if mirrored and first < -MIN_DEG else [first, last]
     return sorted((end for end in ends if abs(end - null_deg) > MIN_DEG), key=lambda end: -abs(end - null_deg))

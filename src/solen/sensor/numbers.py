@@ -23,8 +23,8 @@ LENS_IN_SPACE_KEYS = ("emitter.y_mm", "lens.y_focus_mm")
 """Further numbers that affect light through a lens that is not a cylinder."""
 
 MATCHED_REASON = (
-    "a medium with the same index touches a wall: there is no derivative at this index, since any change of it, up or "
-    "down, causes reflection"
+    "a medium with the same index touches a wall: there is no derivative at this index, since any increase or decrease "
+    "of the index causes reflection"
 )
 LAYERS_REASON = "the number of layers is an integer, so the layer boundaries jump: compare two designs with --set"
 MATERIAL_KEYS = ("material.index", "material.absorption_per_mm")

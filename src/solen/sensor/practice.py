@@ -95,7 +95,7 @@ class Practice(Result):
     Attributes
     ----------
     paper
-        Response of a point in the plane, as in the paper; None if that is the design.
+        Response of a point in the plane, as in the paper; None if the design is such a point.
     built
         The sensor with its LED in space.
     effects

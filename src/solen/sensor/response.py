@@ -118,7 +118,7 @@ class Response(Result):
     def null_deg(self) -> float | None:
         """Return the angle nearest to 0 at which the contrast is 0, interpolated linearly; None if there is none."""
         u_contrast = _quotient(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
-        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # with little light, any angle could be one
+        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # with little light, any angle may be null
         nulls = [*self.angle_deg[zero].tolist(), *self._crossings_deg(0.0)]
         return min(nulls, key=abs, default=None)
 

@@ -398,9 +398,10 @@ class Sensor:
         tolerance: float | None = None,
         standard_error: float | None = None,
     ) -> Reading:
-        """Return the powers at an angle with their uncertainty, integrated, or sampled if that is more accurate.
+        """Return a trace with the powers at an angle, integrated or sampled, and the uncertainty of these powers.
 
-        Light that cannot be integrated, for example with random scatter, is sampled.
+        They are sampled if they cannot be integrated, for example with random scatter, or if integration is neither
+        accurate enough nor more accurate than sampling.
         """
         cannot_integrate = bool(integration_obstacle(self.scene(angle_deg)))
         target = standard_error or (tolerance if cannot_integrate else None) or SAMPLED_TOLERANCE

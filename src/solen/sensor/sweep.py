@@ -11,9 +11,9 @@ from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
 
 MIN_ANGLES, MAX_ANGLES = 5, 129
-"""Smallest (with both ends) and largest number of angles of a drawn curve."""
+"""Smallest (with both ends) and largest number of angles of a plotted curve."""
 MAX_DEVIATION = 0.02
-"""Largest deviation of the contrast from the line between its neighbours without an additional angle."""
+"""Deviation of the contrast from the line between the neighbouring points above which angles are added."""
 
 INITIAL_ANGLES = 2
 """Number of angles that are computed first; if integration fails at all of them, it is not tried at the others."""
@@ -44,19 +44,19 @@ def mirrored(reading: Reading) -> Reading:
 
 
 def balanced(reading: Reading) -> Reading:
-    """Return the reading of a symmetric sensor at rest, with equal powers at both receivers."""
+    """Return the reading of a symmetric sensor at rest, with the power at each receiver replaced by their mean."""
     detectors = reading[0].detectors
     return _with_detectors(reading, dict.fromkeys(detectors, _mean(detectors)))
 
 
 def _with_detectors(reading: Reading, detectors: dict[str, Detected]) -> Reading:
-    """Return a reading with other detectors."""
+    """Return a copy of a reading with the powers at its receivers replaced by ``detectors``."""
     trace, u = reading
     return replace(trace, detectors=detectors), u
 
 
 def _mean(detectors: Mapping[str, Detected]) -> Detected:
-    """Return the mean of two receivers."""
+    """Return the mean of the powers at the right and the left receiver."""
     right, left = (detectors[name] for name in OPPOSITE_SIDE)
     sources = zip(right.power_by_source, left.power_by_source, strict=True)
     return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))

@@ -56,7 +56,7 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error of a design's powers against the number of rays, at an angle or load; ``emitter`` is that of a network."""
+    """Error of a design's powers against the number of rays, at an angle or load; ``emitter`` is lit, in a network."""
 
     name: str
     emitter: str | None

@@ -1,7 +1,7 @@
 """Warnings about keys of a design that its trace does not use.
 
-Such a key is not an error, since it is used elsewhere: `solen run` compares the plane with space and counting with
-power, regardless of the design's dimension and mode.
+Such a key is not an error, since other computations use it: `solen run` compares results in the plane with results in
+space, and counted rays with powers, whatever dimension and mode the design specifies.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from solen.trace import Mode
 
 
 def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
-    """Return a sentence for each key of the design that has no effect in its dimension or in a mode."""
+    """Return a sentence for each key of the design that has no effect in the design's dimension or in ``mode``."""
     sentences = [] if sensor.design.trace.dimension == "extruded" else list(_unused_in_plane(sensor))
     shape = sensor.design.lens.shape
     if sensor.design.lens.profile is not None and shape not in ("measured", "layered"):

@@ -198,7 +198,7 @@ class Lens(Strict):
             raise refused("knots_um", 'missing: required with shape = "spline"', remedy=remedy)
         if self.min_feature_um is not None and self.knots_um is None:
             limit = "does not apply without knots_um"
-            raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="omit it")
+            raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="omit min_feature_um")
         if self.layer_mm is not None and self.profile is not None:
             raise refused("layer_mm", "does not apply with profile", value=self.layer_mm, remedy="omit one of them")
         for key, *shapes in SHAPE_KEYS:
@@ -289,7 +289,7 @@ class Receivers(Strict):
                 "gap_mm", 'missing: required with coupling = "air-gap"', remedy="add, for example, gap_mm = 0.5"
             )
         if self.coupling != "air-gap" and self.gap_mm is not None:
-            remedy = 'omit it, or set coupling = "air-gap"'
+            remedy = 'omit gap_mm, or set coupling = "air-gap"'
             raise refused(
                 "gap_mm", f'does not apply with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
             )

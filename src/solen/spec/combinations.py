@@ -1,4 +1,4 @@
-"""Checks of keys in different tables of a design: which of them require or exclude one another."""
+"""Checks of keys in different tables of a design: which keys require or exclude one another."""
 
 from typing import TYPE_CHECKING
 
@@ -56,7 +56,9 @@ def _refuse_keys(design: "Design", keys: Keys, because: str) -> None:
         for name in names:
             value = getattr(part, name)
             if value != type(part).model_fields[name].default:
-                raise refused(f"{table}.{name}", f"does not apply with {because}", value=value, remedy="omit it")
+                raise refused(
+                    f"{table}.{name}", f"does not apply with {because}", value=value, remedy=f"omit {table}.{name}"
+                )
 
 
 def _check_network(design: "Design") -> None:
@@ -81,7 +83,7 @@ def _check_network(design: "Design") -> None:
 DRAWN_TABLES = ("nodes", "guides", "fixed")
 """Network keys that the drawing replaces."""
 DRAWN_KEYS = ("node", "guide", "side", "at_mm", "from_mm", "to_mm", "distance_mm", *UNUSED_KEYS["outline"]["lens"])
-"""Keys that define the position or shape of a part, which the drawing gives instead."""
+"""Keys that define the position or shape of a part; in a drawn network, the drawing defines them."""
 
 
 def _check_positions(design: "Design") -> None:
@@ -102,7 +104,7 @@ def _check_drawn(design: "Design") -> None:
     for key in DRAWN_TABLES:
         if getattr(network, key):
             limit = "does not apply with body.file: the drawing defines the network"
-            raise refused(f"network.{key}", limit, remedy="omit it")
+            raise refused(f"network.{key}", limit, remedy=f"omit network.{key}")
     outline = UNUSED_KEYS["outline"]
     _refuse_keys(design, {table: outline[table] for table in ("lens", "emitter")}, "body.file")
     for key in ("lenses", "emitters", "receivers"):
@@ -111,7 +113,7 @@ def _check_drawn(design: "Design") -> None:
                 if getattr(part, name, None) is not None:
                     limit = "does not apply with body.file: the drawing defines the part"
                     what = f"network.{key}[{number}].{name}"
-                    raise refused(what, limit, value=getattr(part, name), remedy="omit it")
+                    raise refused(what, limit, value=getattr(part, name), remedy=f"omit {name}")
     lit = {emitter.lens for emitter in network.emitters}
     for number, lens in enumerate(network.lenses):
         if lens.name not in lit:
@@ -129,7 +131,7 @@ def _check_carried(design: "Design") -> None:
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
         limit = f'does not apply with motion.kind = "{motion.kind}": the lens and the emitter always move with the body'
-        raise refused("motion.moves", limit, value=list(motion.moves), remedy="omit it")
+        raise refused("motion.moves", limit, value=list(motion.moves), remedy="omit motion.moves")
 
 
 def _check_bend(design: "Design") -> None:
@@ -151,7 +153,7 @@ def _check_moves(design: "Design") -> None:
         raise refused("motion.moves", "cannot include mirrors: a Y has none", value=list(moves), remedy="omit them")
     if "lens" not in moves and design.motion.join != "bridge":
         limit = "does not apply unless the lens turns"
-        raise refused("motion.join", limit, value=design.motion.join, remedy="omit it")
+        raise refused("motion.join", limit, value=design.motion.join, remedy="omit motion.join")
     if "receivers" in moves and design.receivers.coupling != "air-gap":
         limit = "cannot include receivers that are attached to the arms"
         raise refused("motion.moves", limit, value=list(moves), remedy='set receivers.coupling = "air-gap"')

@@ -109,7 +109,7 @@ class Emitter(Strict):
         """Reject the keys that a ray file replaces."""
         for key in ("part", "y_mm", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.sets(key):
-                raise refused(key, "cannot be combined with ray_file", remedy="omit it")
+                raise refused(key, "cannot be combined with ray_file", remedy=f"omit {key}")
 
     def sets(self, key: str) -> bool:
         """Return whether the design sets a key, even to its default."""

@@ -120,7 +120,7 @@ class Motion(Strict):
         return "depth_mm" if key == "depth_mm" else "force_N" if key == "force_N" else "angle_deg"
 
     def keyed(self, value: float) -> DrivenValue:
-        """Return a dictionary with the value under the key of the driven quantity and None under the others."""
+        """Return a dictionary with the value under the key of the driven quantity and None under the other keys."""
         key = self.key
         return DrivenValue(
             angle_deg=value if key == "angle_deg" else None,

@@ -204,7 +204,7 @@ class PlacedEmitter(Placed):
             return self
         for key in ("node", "guide", "side", "at_mm"):
             if getattr(self, key) is not None:
-                raise refused(key, "does not apply with lens", value=getattr(self, key), remedy="omit it")
+                raise refused(key, "does not apply with lens", value=getattr(self, key), remedy=f"omit {key}")
         return self
 
 
@@ -257,7 +257,7 @@ class NamedMotion(Strict):
     def _check_keys(self) -> Self:
         for key in ("pivot", "join"):
             if self.kind == "bend" and getattr(self, key) is not None:
-                raise refused(key, "does not apply to a bend", value=getattr(self, key), remedy="omit it")
+                raise refused(key, "does not apply to a bend", value=getattr(self, key), remedy=f"omit {key}")
         if not self.from_deg < self.to_deg:
             raise refused("from_deg", f"must be less than to_deg = {self.to_deg}", value=self.from_deg)
         if not self.from_deg <= self.at_deg <= self.to_deg:
@@ -308,10 +308,10 @@ class Network(Strict):
             raise refused(f"{what}.part", limit, value=motion.part, remedy="omit one of the two motions")
         if motion.join is not None and motion.part not in [lens.name for lens in self.lenses if lens.guide is None]:
             limit = "applies only to a lens at the end of a guide"
-            raise refused(f"{what}.join", limit, value=motion.join, remedy="omit it")
+            raise refused(f"{what}.join", limit, value=motion.join, remedy="omit join")
         if motion.pivot == "emitter" and motion.part in [guide.name for guide in self.guides]:
             limit = "applies only to a lens or an emitter"
-            raise refused(f"{what}.pivot", limit, value=motion.pivot, remedy="omit it, or set pivot = [x_mm, z_mm]")
+            raise refused(f"{what}.pivot", limit, value=motion.pivot, remedy="omit pivot, or set pivot = [x_mm, z_mm]")
         if isinstance(motion.pivot, tuple) and motion.part in self._on_sides():
             limit = "must be at the end of a guide to rotate about a point; it is on a side"
             raise refused(f"{what}.part", limit, value=motion.part, remedy='set pivot = "emitter"')

@@ -77,7 +77,7 @@ class Hold(Stretch):
         for key in ("about", "angle_deg"):
             if self.kind != "turning" and getattr(self, key) is not None:
                 limit = f'does not apply with kind = "{self.kind}"'
-                raise refused(key, limit, value=getattr(self, key), remedy='omit it, or set kind = "turning"')
+                raise refused(key, limit, value=getattr(self, key), remedy=f'omit {key}, or set kind = "turning"')
         return self
 
 
@@ -144,7 +144,7 @@ def check_loads(design: "Design") -> None:
             given.append("mechanics")
         if given:
             limit = f'does not apply with motion.kind = "{design.motion.kind}"'
-            raise refused(given[0], limit, remedy='omit it, or set motion.kind = "loaded"')
+            raise refused(given[0], limit, remedy=f'omit {given[0]}, or set motion.kind = "loaded"')
         return
     if not design.hold:
         limit = "missing: there is no default, because the supports of the body determine its response"
@@ -204,7 +204,7 @@ def _check_driven(design: "Design") -> None:
 
 
 def _check_quantities(design: "Design") -> None:
-    """Check that the driven quantity is not given in its own table, and that the tables of other loads give theirs."""
+    """Check that the driven quantity is not given in its own table, and that the quantities of all other loads are."""
     driven_table, name, _ = driven(design)
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(design, table)):
@@ -212,7 +212,7 @@ def _check_quantities(design: "Design") -> None:
             is_driven = (table, row.name) == (driven_table, name)
             if is_driven and given:
                 limit = f"does not apply with motion.drives = {design.motion.drives!r}"
-                raise refused(f"{table}[{number}].{given}", limit, value=getattr(row, given), remedy="omit it")
+                raise refused(f"{table}[{number}].{given}", limit, value=getattr(row, given), remedy=f"omit {given}")
             if not (is_driven or given or table == "hold"):
                 key = DRIVEN[table][0]
                 limit = "missing: required unless motion.drives drives it"
@@ -229,7 +229,7 @@ def _check_values(design: "Design") -> None:
     for name, given in (lists | (sweep if required else {})).items():
         if given and name != required:
             limit = f"does not apply with {condition}"
-            raise refused(f"motion.{name}", limit, value=getattr(motion, name), remedy="omit it")
+            raise refused(f"motion.{name}", limit, value=getattr(motion, name), remedy=f"omit motion.{name}")
     if required and not lists[required]:
         limit = f"missing: required with {condition}"
         raise refused(f"motion.{required}", limit, remedy=f"add {required} = [0, 0.1, 0.2]")

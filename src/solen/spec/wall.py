@@ -108,7 +108,7 @@ class Wall(Stretch):
         for key in ("index", "absorption_per_mm", "gap_um"):
             if value := getattr(self, key):
                 example = "skin" if key == "gap_um" else "glue"
-                remedy = f'omit it, or name the medium outside, such as outside = "{example}"'
+                remedy = f'omit {key}, or name the medium outside, such as outside = "{example}"'
                 raise refused(key, 'does not apply with outside = "air"', value=value, remedy=remedy)
 
     @property
@@ -127,7 +127,7 @@ class Wall(Stretch):
         }
         for key in (key for key, is_given in given.items() if is_given):
             limit = f'does not apply with finish = "{self.finish}", which defines the surface between body and air'
-            raise refused(key, limit, remedy="omit it")
+            raise refused(key, limit, remedy=f"omit {key}")
 
     def _check_scatter(self) -> None:
         required = SCATTER_KEYS.get(self.scatter, ())
@@ -137,15 +137,17 @@ class Wall(Stretch):
                 raise refused(key, f'missing: required with scatter = "{self.scatter}"', remedy="add it")
             if value is not None and key not in required:
                 limit = f'does not apply with scatter = "{self.scatter}"'
-                raise refused(key, limit, value=value, remedy="omit it")
+                raise refused(key, limit, value=value, remedy=f"omit {key}")
 
     def _check_built_in_finish(self) -> None:
         if self.finish != "mirror" and self.reflectance != 1.0:
-            limit, remedy = 'does not apply without finish = "mirror"', 'omit it, or set finish = "mirror"'
+            limit, remedy = 'does not apply without finish = "mirror"', 'omit reflectance, or set finish = "mirror"'
             raise refused("reflectance", limit, value=self.reflectance, remedy=remedy)
         if self.finish != "clear" and (self.outside != "air" or self.coating):
             key = "outside" if self.outside != "air" else "coating"
-            raise refused(key, f'does not apply with finish = "{self.finish}": no light reaches it', remedy="omit it")
+            raise refused(
+                key, f'does not apply with finish = "{self.finish}": no light reaches it', remedy=f"omit {key}"
+            )
         if self.finish == "black" and (self.scatter != "none" or self.texture_pitch_um is not None):
             key = "scatter" if self.scatter != "none" else "texture_pitch_um"
-            raise refused(key, 'does not apply with finish = "black", which absorbs all light', remedy="omit it")
+            raise refused(key, 'does not apply with finish = "black", which absorbs all light', remedy=f"omit {key}")

@@ -52,7 +52,7 @@ class GoalResult(Result):
 
 
 class Evaluation(NamedTuple):
-    """Result of evaluating a design: each goal, the violation of the conditions, and the responses in all cases."""
+    """Result of evaluating a design: results for each goal, violation of the conditions, and responses in all cases."""
 
     by_goal: tuple[GoalResult, ...]
     violation: float

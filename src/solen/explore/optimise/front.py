@@ -116,7 +116,7 @@ def weights_of(designs: int) -> list[FloatArray]:
 def search_front(candidates: Candidates, designs: int, seed: int) -> None:
     """Search for a front with a number of designs.
 
-    The search for the first goal, which starts with samples of the box, has twice as many evaluations as the others.
+    The search for the first goal starts with samples of the box and has twice as many evaluations as later searches.
     """
     per_design = candidates.max_count // (designs + 1)
     for number, weights in enumerate(weights_of(designs)):
@@ -136,7 +136,7 @@ def _objective(
 
 
 def ideal_and_scale(candidates: Candidates) -> tuple[FloatArray, FloatArray]:
-    """Return the best value of each goal so far, and the increase of each goal at the best value of the other."""
+    """Return the best value of each goal so far, and how much worse each goal is at the best value of the other."""
     known = candidates.feasible or candidates.tried
     goals = np.array([best_candidate(known, weights).goals for weights in SINGLE_GOAL_WEIGHTS])
     ideal = goals.min(axis=0)

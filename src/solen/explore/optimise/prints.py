@@ -34,12 +34,12 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
     if len(options.minimise) + len(options.maximise) > 1:
         if specified is not None:
             limit = "applies to the prints of a single result, but a front has several results"
-            remedy = "omit it, and run solen explore tolerance on a design of the front"
+            remedy = "omit the option, and run solen explore tolerance on a design of the front"
             raise SpecError(f"--{specified}", limit=limit, remedy=remedy)
         return False
     if not options.prints and (options.vary or options.require):
         limit = "contradicts --vary and --require, which apply to prints"
-        raise SpecError("--prints", value=0, limit=limit, remedy="omit it")
+        raise SpecError("--prints", value=0, limit=limit, remedy="omit --prints 0")
     if 0 < options.prints < MIN_PRINTS:
         limit, remedy = f"must be 0 or at least {MIN_PRINTS}", "increase it, or use 0"
         raise SpecError("--prints", value=options.prints, limit=limit, remedy=remedy)

@@ -1,7 +1,7 @@
 """Search in a box of N parameters scaled to 0 to 1: samples first, then CMA-ES with restarts from the best point.
 
 CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), from the package ``cma``. Unlike gradient
-methods, it tolerates noise and minimax objectives. All random numbers are drawn with a seed, which makes a search
+methods, it tolerates noise and minimax objectives. All random numbers depend on a seed, which makes a search
 repeatable.
 
 Public name: `search`.

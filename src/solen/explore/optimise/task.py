@@ -187,5 +187,5 @@ def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:
         return None
     elif not any(isinstance(lens, SplineLens) for lens in sensor.all_lenses):
         limit = "limits the features of a free-form lens, but the design has none"
-        raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or omit it")
+        raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or omit these options")
     return with_resin(process_of(options)[0], sensor.design)

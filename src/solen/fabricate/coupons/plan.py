@@ -48,7 +48,7 @@ def _shape(feature: Feature, down: float) -> str:
 
 
 def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel: float) -> str:
-    """Return a rectangle centred at a point, with a bevelled right back corner; the y axis of SVG points down."""
+    """Return a rectangle centred at a point, with a chamfered right back corner; the y axis of SVG points down."""
     right, back = x + 0.5 * width, y - 0.5 * depth
     start = f"M{right - width:.9g} {back + depth:.9g}H{right:.9g}V{back + bevel:.9g}"
     return f'<path id={quoteattr(name)} d="{start}L{right - bevel:.9g} {back:.9g}H{right - width:.9g}Z"/>'

@@ -45,7 +45,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     for key in slicing.model_fields_set & set(of_job):
         if getattr(slicing, key) != of_job[key]:
             limit = f"must be {of_job[key]}, as in the job"
-            remedy = "omit it, or write the coupon again with solen print coupons"
+            remedy = "omit the option, or write the coupon again with solen print coupons"
             raise SpecError(f"--{key.replace('_', '-')}", value=getattr(slicing, key), limit=limit, remedy=remedy)
     slicing = slicing.model_copy(update=of_job)
     part = coupon_parts(coupon)[stage.name]
@@ -73,7 +73,7 @@ def _run(coupon: Coupon, name: str | None) -> Stage:
         return coupon.stages[0]
     if name not in names:
         if len(names) == 1:
-            raise SpecError("--run", value=name, limit="does not apply: the job has a single run", remedy="omit it")
+            raise SpecError("--run", value=name, limit="does not apply: the job has a single run", remedy="omit --run")
         limit = f"must be one of {', '.join(names)} for {coupon.name}"
         raise SpecError("--run", value=name, limit=limit, remedy="specify one of them")
     return coupon.stages[names.index(name)]

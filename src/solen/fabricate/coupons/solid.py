@@ -52,7 +52,7 @@ def _circle(feature: Feature, *, clockwise: bool = False) -> Outline:
 
 
 def _rectangle(name: str, centre: Point, width: float, depth: float, bevel: float) -> Outline:
-    """Return a counter-clockwise rectangle with a bevelled right back corner."""
+    """Return a counter-clockwise rectangle with a chamfered right back corner."""
     x, y = centre
     left, right, front, back = x - 0.5 * width, x + 0.5 * width, y - 0.5 * depth, y + 0.5 * depth
     corner = [(right, back)] if bevel == 0.0 else [(right, back - bevel), (right - bevel, back)]

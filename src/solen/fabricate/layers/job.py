@@ -76,7 +76,7 @@ class Job:
     def __post_init__(self) -> None:
         if self.greys.response and isinstance(self.solid, Exposures) and self.solid.greys:
             limit = "does not apply to the grey-steps coupon, whose grey levels are to be measured"
-            raise SpecError("--process", limit=limit, remedy="omit it")
+            raise SpecError("--process", limit=limit, remedy="omit --process")
         self._check_image_options()
         low, high = self.printer.layers_um
         if not low <= self.slicing.layer_um <= high:

@@ -201,7 +201,7 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
         return
     if options.at != "middle":
         limit = "applies only to parts printed flat"
-        raise SpecError("--at", value=options.at, limit=limit, remedy="omit it")
+        raise SpecError("--at", value=options.at, limit=limit, remedy="omit --at")
     phase = options.choose_phase or options.phase_px is not None
     for is_set, option in ((compensate, "--compensate"), (part, "--solid"), (phase, "--phase-px or --choose-phase")):
         if is_set:

@@ -243,7 +243,7 @@ def _check_options(options: PrintOptions, *, part: bool) -> None:
     unsupported = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
         limit = "must be flat for a lens that varies with height: its layers are parallel to the faces of the body"
-        raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="omit it")
+        raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="omit --orientation")
     if part:
         remedy = "export a layered design with the printed layers as lens.profile"
         raise SpecError("--solid", limit=unsupported, remedy=remedy)
@@ -251,7 +251,7 @@ def _check_options(options: PrintOptions, *, part: bool) -> None:
         raise SpecError("--choose-phase", limit=unsupported, remedy="specify --phase-px")
     if options.at != "middle":
         limit = f"{unsupported}, which is predicted at all heights"
-        raise SpecError("--at", value=options.at, limit=limit, remedy="omit it")
+        raise SpecError("--at", value=options.at, limit=limit, remedy="omit --at")
     if options.phase_px is not None and options.phase_px[0] not in SYMMETRIC_PHASES:
         limit = "must be 0 or 0.5 along x for a lens that varies with height, whose halves must print identically"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)

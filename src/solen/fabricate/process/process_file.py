@@ -104,7 +104,7 @@ class Process(Strict):
         unused, has = ("response_scale", "no") if self.process.response is None else ("sigma_um", "a")
         if unused in self.uncertainty:
             limit = f"does not apply to this process, which has {has} pixel response"
-            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="omit it")
+            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy=f"omit {unused}")
         return self
 
     @property

@@ -110,7 +110,7 @@ class Settings(Strict):
             raise refused("sigma_um", limit, value=self.sigma_um, remedy="omit one of them")
         if self.response is None and self.response_scale != 1.0:
             limit = "does not apply without process.response"
-            raise refused("response_scale", limit, value=self.response_scale, remedy="omit it")
+            raise refused("response_scale", limit, value=self.response_scale, remedy="omit response_scale")
         return self
 
     @model_validator(mode="after")

@@ -87,7 +87,7 @@ def with_cure(process: Process, path: Path) -> Process:
     curve = read_law(path)
     if process.keeps_growth:
         limit = f"does not apply to {process.name}, which was calibrated: its critical dose is valid only for walls"
-        remedy = "omit it, or calibrate a process that has this working curve"
+        remedy = "omit --cure, or calibrate a process that has this working curve"
         raise DataError("--cure", value=path.name, limit=limit, remedy=remedy)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
     changed = process.with_settings(**curve.values)
@@ -131,10 +131,12 @@ def _check_printer(process: Process, name: str, printer: Printer) -> None:
     pixels = f"has pixels of {printer.pixel_text} µm"
     if process.calibration is not None:
         limit = f"{pixels}, but the process was calibrated with {process.process.pixel_um:g} µm"
-        raise DataError("--printer", value=name, limit=limit, remedy="omit it, or calibrate this printer")
+        raise DataError("--printer", value=name, limit=limit, remedy="omit --printer, or calibrate this printer")
     if process.process.response is not None:
         limit = f"{pixels}, but the process contains the response of a pixel of {process.process.pixel_um:g} µm"
-        raise DataError("--printer", value=name, limit=limit, remedy="omit it, or measure the response of this printer")
+        raise DataError(
+            "--printer", value=name, limit=limit, remedy="omit --printer, or measure the response of this printer"
+        )
 
 
 def curve_cautions(process: Process, design: Design) -> list[Caution]:

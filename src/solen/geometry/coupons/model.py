@@ -49,7 +49,7 @@ class Feature(_FileTable):
     width_mm, depth_mm
         Extent along x and y; both equal the diameter of a round feature.
     from_mm, to_mm
-        Heights above the plate, or above the zero of the stage; for a hole, those of the faces of the material.
+        Heights above the plate, or above the zero of the stage; for a hole, heights of the faces of the material.
     round
         Whether the feature is a circle rather than a rectangle.
     bevel_mm
@@ -131,7 +131,7 @@ class Step(_FileTable):
 
 @dataclass(frozen=True)
 class Slab(_FileTable):
-    """Rectangular base centred on the origin, from the plate upwards, with a bevelled rear right corner (+x, +y)."""
+    """Rectangular base centred on the origin, from the plate upwards, with a chamfered rear right corner (+x, +y)."""
 
     width_mm: float
     depth_mm: float
@@ -290,7 +290,7 @@ def coupon_of(data: Any, what: str) -> Coupon:
 
 
 def unique_names(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
-    """Return the names, of which repeated ones have a suffix: ``t-1s``, ``t-1s-2``."""
+    """Return the names, with a suffix on repeated names: ``t-1s``, ``t-1s-2``."""
     counts: Counter[str] = Counter()
     numbered = []
     for name in names:

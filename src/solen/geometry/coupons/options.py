@@ -32,7 +32,7 @@ class CouponOptions(Options):
     spacing_mm: Size = 1.0
     """Free distance between separate features."""
     bevel_mm: Annotated[float, Field(ge=0, le=1e6)] = 0.6
-    """Legs of the bevelled corner that orients a slab; 0 omits the bevel."""
+    """Legs of the chamfered corner that orients a slab; 0 omits the bevel."""
     marks: bool = True
     """Three round marks on slabs with pillars, which orient an image; --marks=false omits them."""
     layer_um: Size = 25.0

@@ -32,7 +32,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return discs of 3 mm in one image, each with a different grey level, to measure the light of grey pixels."""
+    """Return discs of 3 mm in one image, each with a different grey level, to measure the dose of grey pixels."""
     names = unique_names(f"g-{grey:g}" for grey in options.greys)
     discs = _disc_row(options, names, [options.grey_exposure_s] * len(names), options.greys)
     cautions = (
@@ -108,7 +108,7 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return cubes of 1 cm for compression tests; a bevelled vertical edge marks the printing direction."""
+    """Return cubes of 1 cm for compression tests; a chamfered vertical edge marks the printing direction."""
     side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
     pieces = tuple(
@@ -121,7 +121,7 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
         Reading(
             "mark",
             "none",
-            f"a vertical edge is bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²",
+            f"a vertical edge is chamfered by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²",
         ),
     )
     return Coupon("cubes", "cubes for compression", pieces, readings=readings)

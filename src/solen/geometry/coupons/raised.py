@@ -184,7 +184,7 @@ def _on_slab(
 
 
 def _centred(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], options: CouponOptions) -> Row:
-    """Return features relative to the centre, rounded to pixels; those of a gap are shifted together to preserve it."""
+    """Return features relative to the centre, rounded to pixels; two that form a gap are shifted together."""
     neighbours = {gap.between[1]: gap.between[0] for gap in gaps}
     shifts: dict[str, float] = {}
     centred = []
@@ -214,5 +214,5 @@ def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponO
 def _mark_readings(options: CouponOptions) -> tuple[Reading, ...]:
     """Return the interpretation about marks, which solen adds to the coupon of the source."""
     additions = ["three round marks of 1 mm"] if options.marks else []
-    additions += [f"a corner bevelled by {options.bevel_mm:g} mm"] if options.bevel_mm else []
+    additions += [f"a corner chamfered by {options.bevel_mm:g} mm"] if options.bevel_mm else []
     return (Reading("marks", "none", f"{' and '.join(additions)}, to orient an image"),) if additions else ()

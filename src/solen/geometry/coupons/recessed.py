@@ -1,6 +1,6 @@
 """Coupon with recessed features: a slab of 16 x 3 x 1 mm with eight through-holes in one row.
 
-The walls between holes and at both ends have the same thickness. A bevelled corner orients an image.
+The walls between holes and at both ends have the same thickness. A chamfered corner orients an image.
 """
 
 from collections.abc import Sequence

@@ -104,7 +104,7 @@ def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[st
 
 
 def _with_listed_names(design: Design, rest: Body) -> Body:
-    """Return the body with lenses and receivers named as in the design; raise `DesignError` if it lists others."""
+    """Return the body with lenses and receivers named as in the design; raise `DesignError` if it lists other parts."""
     names: dict[tuple[str, str], str] = {}
     faces = (*rest.all_faces, *rest.separate)
     for part, key in (("lens", "lenses"), ("receiver", "receivers")):
@@ -168,7 +168,7 @@ def _pose(design: Design, number: int, drawn: DrawnEmitter, body: Body, lens: Dr
 
 
 def _point_ahead(what: str, placed: PlacedEmitter, pose: Pose, body: Body) -> Point:
-    """Return the first point of the body on the axis of an emitter; raise `DesignError` unless it is on its lens."""
+    """Return the first point of the body on an emitter's axis; raise `DesignError` unless it is on its lens."""
     ahead = heading(pose.axis_deg)
     hits = [(t, face) for face in body.all_faces for t in face.curve.hits(pose.point, ahead)]
     direction_text = f"from {point_text(pose.point)} towards {pose.axis_deg:.4g} deg"

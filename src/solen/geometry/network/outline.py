@@ -27,7 +27,7 @@ ROUNDING_MM = 1e-9
 
 @dataclass
 class Walk:
-    """The sides of guides, the side that follows each in the walk, and the faces between the two."""
+    """The sides of guides, the next side of each in the walk, and the faces between a side and the next."""
 
     plan: Plan
     runs: dict[SideKey, Run]
@@ -81,7 +81,7 @@ class Walk:
         return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
 
     def faces(self, side_key: SideKey) -> list[Face]:
-        """Return the faces of a side of a guide with its parts, in walking direction, and those up to the next side."""
+        """Return the faces of a guide's side and its parts in walking direction, then those up to the next side."""
         name, side = side_key
         run, network = self.runs[side_key], self.plan.network
         curve, from_end = run.remaining, side == "left"
@@ -279,10 +279,12 @@ def _check_node(plan: Plan, number: int, guide_count: int) -> None:
     if node.end != "open" and (guide_count > 1 or parts):
         reason = f"{parts[0].name} is {where}" if parts else f"{guide_count} guides meet {where}"
         limit = f"does not apply: {reason}"
-        raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit it")
+        raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit end")
     if guide_count == 1 and node.fillet_mm:
         limit = f"does not apply: a single guide ends {where}"
-        raise DesignError(f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit, remedy="omit it")
+        raise DesignError(
+            f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit, remedy="omit fillet_mm"
+        )
 
 
 def outlines(walk: Walk) -> list[tuple[Face, ...]]:

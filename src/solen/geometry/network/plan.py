@@ -75,7 +75,7 @@ class Plan:
     lenses: dict[str, Lens]
     node_motions: dict[str, Rigid] = field(default_factory=dict)
     distance_mm: float = 0.0
-    """Distance from its lens of an emitter for which none is specified."""
+    """Distance between an emitter and its lens if the design specifies none."""
 
     def at(self, node: str) -> list[GuidePath]:
         """Return the guides at a node."""
@@ -170,7 +170,7 @@ def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
 
 
 def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float | None:
-    """Return half the width of the guide that ends in a lens; None for a lens on a side, or if it is not yet known."""
+    """Return half the width of the guide that ends in a lens; None for a lens on a side, or an unknown width."""
     if placed.node is None:
         return None
     guides = [guide for guide in network.guides if placed.node in guide.nodes]
@@ -186,7 +186,7 @@ def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float |
 
 
 def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
-    """Return the position of the first node: the origin, or that for which the vertex of its lens is the origin."""
+    """Return the position of the first node: the origin, or such that its lens vertex is the origin."""
     lens = next((lenses[placed.name] for placed in network.lenses if placed.node == node), None)
     guide = next(guide for guide in network.guides if node in guide.nodes)
     if lens is None or guide.direction_deg is None or guide.nodes[0] != node:
@@ -221,7 +221,7 @@ def _path_of(
 
 
 def _flush_path(guide: Guide, network: Network, paths: dict[str, GuidePath]) -> GuidePath | None:
-    """Return a guide whose side continues that of the guide that leads to its first node; None if that is unknown."""
+    """Return a guide whose side continues a side of the guide to its first node; None if that guide is unknown."""
     leading = [other for other in network.guides if other.nodes[1] == guide.nodes[0]]
     if len(leading) != 1:
         number = network.guides.index(guide)

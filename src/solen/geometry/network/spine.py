@@ -243,7 +243,7 @@ class Spine:
         return point, velocity
 
     def _directions(self, s: FloatArray, fraction: float = 1.0) -> FloatArray:
-        """Return unit directions (N, 2) at lengths, or rotated by a fraction of the turn up to there."""
+        """Return unit directions (N, 2) at lengths along it, or after only a fraction of the turn."""
         angle = fraction * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
         return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])

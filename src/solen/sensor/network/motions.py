@@ -87,7 +87,7 @@ class Determination(Result):
         return sum(combination.is_determined for combination in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
-        """Return whether more combinations are determined than by another, or the worst motion significantly better."""
+        """Return whether this determines more combinations than ``other``, or the worst motion significantly better."""
         if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
             return self.rank > other.rank
         if not math.isfinite(other.worst_sd_deg):

@@ -1,8 +1,8 @@
 """Derivatives of a network's powers with respect to its numbers, and the motions that readings distinguish.
 
-Light from a chip in a network is split at many faces, and its integral is not smooth to 1e-6, as a limit would require.
-A derivative is therefore a difference over a finite step, with the same rays at both ends. Its uncertainty is that of
-the two powers; the curvature within the step is part of the value.
+Light from a chip in a network is split at many faces, and its integral is not smooth to 1e-6, as an exact derivative
+would require. A derivative is therefore a difference over a finite step, with the same rays at both ends. Its
+uncertainty is that of the two powers; the curvature within the step is part of the value.
 
 Voltages and their noise are those of the readout; `solen.sensor.network.motions` computes which motions they determine.
 

@@ -165,7 +165,7 @@ def _motion_volts(name: str, signals: Signals, response: NetworkResponse, indice
 
 
 def _inverses(signals: Signals, emitter: int | None = None) -> FloatArray:
-    """Return the inverse covariances (A, N, N) of the readings of one emitter, by default of all."""
+    """Return the inverse covariances (A, N, N) of the readings of one emitter, by default of all emitters."""
     covariances = np.array([signals.covariance_V2(state) for state in range(len(signals.sd_V))])
     if emitter is not None:
         rows = slice(emitter * len(signals.receivers), (emitter + 1) * len(signals.receivers))
