@@ -351,7 +351,7 @@ class StageMove(Result):
     begun_deg, stands_deg
         Position before and after the move; null if unknown, and for a linear stage.
     begun_mm, stands_mm
-        The same for a linear stage.
+        Position of a linear stage before and after the move; null if unknown, and for a rotation stage.
     """
 
     stage: str
