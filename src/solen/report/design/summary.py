@@ -87,7 +87,7 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
     if practice is not None and practice.paper is not None:
         saturation_deg = practice.paper.saturation_deg()
         saturated = "" if saturation_deg is None else f"; above {SATURATION_CONTRAST:g} from {saturation_deg:.2f}° on"
-        rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{saturated}"))
+        rows.append(("as in the paper (point source in the plane)", f"{_ends(practice.paper)}{saturated}"))
     return rows
 
 
