@@ -326,7 +326,7 @@ def test_figure_marks_published_and_simulated_index(shell: Shell) -> None:
     shell.lines("resin", "show", "./r.toml", "--figure", "r.svg")
     drawn = Path("r.svg").read_text(encoding="utf-8")
     assert "(simulated data)" in drawn
-    assert "± u(n), standard" in drawn
+    assert "± standard uncertainty" in drawn
 
 
 def test_show_reports_bad_input(shell: Shell) -> None:

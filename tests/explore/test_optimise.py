@@ -149,7 +149,7 @@ def test_prints_before_and_after_search(centred: tuple[Store, Optimum]) -> None:
     nulls = [np.nanmean(prints.merits["null_deg"]) for prints in (before, after)]
     assert abs(nulls[1]) < 0.3 * abs(nulls[0])
     text = "\n".join(lines(compared))
-    assert all(word in text for word in ("32 prints", "emitter.offset_mm", "yield of all"))
+    assert all(word in text for word in ("32 prints", "emitter.offset_mm", "yield for all requirements"))
     labels = {axes.get_xlabel() for axes in optimum_figure(compared).axes}
     assert {"null_deg of prints", "light of prints"} <= labels
 

@@ -67,7 +67,7 @@ def test_reports_and_writes_all_outputs(folder: Path, tmp_path: Path, capsys: py
     assert [edge["name"] for edge in result["edges"]] == ["single"]
     assert result["sources"][0]["file"] == "lens.ome.tif"
     drawn = figure.read_text(encoding="utf-8")
-    for words in ("deviation, + outwards (µm)", "n = 1.44", "rival: n = 1.49", ">E<"):
+    for words in ("deviation (µm), positive outwards", "n = 1.44", "rival: n = 1.49", ">E<"):
         assert words in drawn, "a single panel keeps the colour bar and names the indices"
     profile = read_profile(out)
     assert profile.edge == "mean"

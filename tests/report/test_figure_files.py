@@ -93,7 +93,7 @@ def test_view_draws_rays_in_colours_of_receivers(studied: Studies) -> None:
 
 def test_response_in_space_is_compared_with_paper(studied: Studies, drawn: Drawn) -> None:
     labels = texts(svg(study_figure(studied("in space")), "response"))
-    assert "as in the paper (point, plane)" in labels
+    assert "as in the paper (point source in the plane)" in labels
     assert "dots: counted rays" not in labels
     assert "with a chip, in space" in texts(drawn("paper")["response"])
 

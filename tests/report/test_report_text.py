@@ -162,8 +162,8 @@ def test_reports_sensor_as_built_and_as_in_paper(studied: Studies) -> None:
     start, _, from_deg, end, *_ = numbers(sections(studied("paper"))[heading])
     values = [built["response"]["contrast"][0], -3.0, built["response"]["contrast"][-1]]
     check_numbers([start, from_deg, end], values)
-    assert "as in the paper (point, plane)" not in sections(studied("paper"))
-    assert "as in the paper (point, plane)" in sections(studied("in space"))
+    assert "as in the paper (point source in the plane)" not in sections(studied("paper"))
+    assert "as in the paper (point source in the plane)" in sections(studied("in space"))
     assert sections(studied("in space"))["Not included in these results"].startswith("Rays in space")
 
 

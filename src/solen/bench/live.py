@@ -33,7 +33,7 @@ from solen.errors import BenchError
 TRACED_RANGE = {"deg": 3.0, "mm": 2.0}
 """Largest distance from zero, by unit, to which a simulated rig without a protocol is traced."""
 TRACED_DEPTH_MM = 0.1
-"""Largest depth of a finger to which such a rig is traced; the finger does not press during live readings."""
+"""Largest depth of a finger to which that rig is traced; the finger does not press during live readings."""
 MIN_PERIODS = 3.0
 """Smallest number of switching periods in which the clock is determined: they contain two rising edges of a sync, and a
 falling edge after the first.

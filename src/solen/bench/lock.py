@@ -1,7 +1,7 @@
 """A lock that one process at a time can hold, and that is released however the process ends.
 
 SQLite can lock files on every system: an exclusive transaction on an empty database is the lock. A killed process
-leaves an empty hidden file behind, which the next one reuses.
+leaves an empty hidden file behind, which the next process reuses.
 
 Public name: `locked`.
 """

@@ -7,7 +7,7 @@ another channel distinguishes (`solen.bench.phases`); a record is too short to d
 Records are not kept.
 
 The meaning of the numbers in the preamble depends on the manufacturer: Keysight, InfiniiVision Programmer's Guide,
-``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Oscilloscopes of others are not supported.
+``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Oscilloscopes of other manufacturers are not supported.
 
 Public name: `Oscilloscope`.
 """

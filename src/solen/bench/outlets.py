@@ -1,8 +1,8 @@
 """Destinations of decoded angles: datagrams, a serial line, or a stream of the Lab Streaming Layer.
 
 Each CSV row is sent as soon as it is decoded, so that a control loop, a robot or another recorder receives the angle
-after a short delay. A missing receiver does not stop the decoding. The rows of a recorded file, which are available at
-once, are sent at the pace of their times.
+after a short delay. Decoding continues even if nothing receives the rows. The rows of a recorded file, which are
+available at once, are sent at the pace of their times.
 
 Public names: `outlet` and `Paced`.
 """

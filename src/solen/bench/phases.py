@@ -35,7 +35,7 @@ MAX_LINE_SAMPLES = 0.75
 def clock_channels(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
     """Return the channels from which the clock of the emitters is determined, and the channel index to which it refers.
 
-    The channels are the sync, or some inputs. With external switching, the index is the mean of theirs, otherwise 0.
+    The channels are the sync, or some inputs. The channel index is the mean of theirs with external switching, else 0.
     """
     channels = [setup.inputs] if setup.synced else list(inputs)
     return channels, float(np.mean(channels)) if setup.switching == "external" else 0.0

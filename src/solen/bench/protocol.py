@@ -45,10 +45,11 @@ class Step(BenchTable):
 
     to_deg: Annotated[Angle | ByMotion[Angle], _POSITION] | None = Field(
         None,
-        description="Target angle, in degrees; with several motions, keyed by motion; those without a target stay.",
+        description="Target angle, in degrees; with several motions, keyed by motion; motions without a target stay.",
     )
     to_mm: Annotated[Shift | ByMotion[Shift], _POSITION] | None = Field(
-        None, description="Target position, in mm; with several motions, keyed by motion; those without a target stay."
+        None,
+        description="Target position, in mm; with several motions, keyed by motion; motions without a target stay.",
     )
     to_N: Positive | None = Field(None, description="Target force, in N, measured by the rig's load cell.")
     velocity_deg_per_s: Positive | None = Field(None, description="Velocity, in degrees per second.")

@@ -195,7 +195,7 @@ def _check_disk_space(path: Path, target: Path) -> None:
 
 
 def _is_recording_of(target: Path, journal: Path) -> bool:
-    """Whether a recording was made from a journal: a process that is killed then does not remove the journal."""
+    """Whether a recording was made from a journal that a killed process did not remove."""
     try:
         return header_of(target) == _without_streams(read_journal(journal).header)
     except DataError:

@@ -196,7 +196,7 @@ class DaqTable(BenchTable):
     )
     device: Text | None = Field(None, description="Name of a real device in NI-DAQmx, such as Dev1.")
     model: Text | None = Field(
-        None, description=f"Model that the device must be; default: any. Simulated: {', '.join(MODELS)}."
+        None, description=f"Required model of the device; default: any. Simulated: {', '.join(MODELS)}."
     )
     rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
         10_000.0, description="Samples of each input per second."

@@ -105,7 +105,7 @@ class ClockedBoard(Protocol):
     """A board whose clock can be queried, which bounds the error of its times better than arrivals alone."""
 
     def time_s(self) -> float | None:
-        """Return the time in s of the clock that stamps periods; NaN if the reply lacks it, None without a reply."""
+        """Return the time in s of the clock that stamps periods; NaN if the reply has no time, None without a reply."""
 
 
 @runtime_checkable

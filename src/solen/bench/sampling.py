@@ -79,7 +79,7 @@ class BoardSampling:
         return None
 
     def time_s(self) -> float | None:
-        """Return the time of the board clock; NaN if the reply lacks it, None if it cannot be queried."""
+        """Return the time of the board clock; NaN if the reply contains no time, None if it cannot be queried."""
         return self._board.time_s() if isinstance(self._board, ClockedBoard) else None
 
     def read(self) -> Block:

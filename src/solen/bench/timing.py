@@ -1,11 +1,11 @@
 """Timing of the stage: the uncertainty due to slow lines and coarse clocks, and its contribution to hysteresis.
 
-A stage replies to a position query with a delay, and when within this delay it measures its position is unknown. Query
-and reply are timestamped; the midpoint is assumed, with an error of at most half the round trip. The clock's resolution
-is treated likewise: an event stamped t occurred up to one step later. A time error shifts the rising and the falling
-branch in opposite directions, each by speed times error, as hysteresis does; at a single speed the two cannot be
-determined separately. The timing uncertainty is therefore recorded, and an analysis of hysteresis can state how much
-timing may contribute.
+A stage replies to a position query with a delay, and it is unknown when during this delay the position was measured.
+Query and reply are timestamped; the midpoint is assumed, with an error of at most half the round trip. The clock's
+resolution is treated likewise: an event stamped t occurred up to one step later. A time error shifts the rising and the
+falling branch in opposite directions, each by speed times error, as hysteresis does; at a single speed the two effects
+cannot be determined separately. The timing uncertainty is therefore recorded, and an analysis of hysteresis can report
+how much timing may contribute.
 
 Public names: `Positions`, `latest_arrival_s`, `exchanges`, `Timing`, `STAGE` and `EXCHANGE`.
 """
@@ -57,7 +57,7 @@ class Positions:
 
     @classmethod
     def of(cls, stage: Rows, resolution_s: float) -> "Positions":
-        """Return the positions in the rows of a journal; one of version 1 contains only the times of the replies."""
+        """Return the positions in the rows of a journal; a journal of version 1 contains only reply times."""
         reply = stage["t_s"]
         sent = stage["sent_s"] if "sent_s" in (stage.dtype.names or ()) else reply
         half = 0.5 * (reply - sent + resolution_s)

@@ -70,7 +70,7 @@ class VideoMotion(Result):
     marker
         Number of the marker.
     frames, without, ambiguous
-        Number of frames, of those without a usable marker, and of those that show it more than once.
+        Number of frames, of frames without a usable marker, and of frames that show the marker more than once.
     rate_hz
         Frames per second, from the median interval.
     longest_gap_s
@@ -85,7 +85,7 @@ class VideoMotion(Result):
     glow_s
         Times of the video at which the emitters switched on and off; empty without --glow.
     u_start_s
-        Standard uncertainty of the first of these: that of a uniform distribution over one frame interval.
+        Standard uncertainty of the switch-on time: that of a uniform distribution over one frame interval.
     time_s, angle_deg
         The motion, (N,); counter-clockwise is positive, and 0 is the initial angle of the marker.
     warnings

@@ -1,4 +1,4 @@
-"""Stages of Zaber: one axis of a controller, or of a device with its own, with the Zaber ASCII protocol.
+"""Stages of Zaber: one axis of a controller, or of a device with a built-in one, with the Zaber ASCII protocol.
 
 A command is a line that begins with a slash, device and axis. The reply is one line that states whether the command was
 accepted, whether the axis is idle, and a warning. Positions are in microsteps, whose size depends on the device;

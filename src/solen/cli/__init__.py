@@ -29,13 +29,13 @@ MIN_SIMILARITY = 0.75
 MIN_PREFIX = 3
 """Minimum length of an option that is suggested for an unknown option that begins with it."""
 GC_THRESHOLDS = 20_000, 50, 50
-"""Thresholds of the cyclic garbage collector of Python. With its default of 700 new objects, it ran continually while
-modules were imported, which took a tenth of a run; the higher thresholds cost a few megabytes.
+"""Thresholds of the cyclic garbage collector of Python. With the default of 700 new objects, the collector ran
+continually while modules were imported, which took a tenth of the run time; the higher thresholds cost a few megabytes.
 """
 
 
 def main() -> None:
-    """Run the command of the process arguments, and exit with its code."""
+    """Run the command in the arguments of the process, and exit with its code."""
     gc.set_threshold(*GC_THRESHOLDS)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def run_command(arguments: Sequence[str]) -> int:
-    """Run a command, print its result and return its exit code; an error that a user can correct is one line."""
+    """Run a command, print its result and return its exit code; print an error that a user can correct as one line."""
     SHOWN.as_json, SHOWN.quiet = "--json" in arguments, "--quiet" in arguments
     remaining = [argument for argument in arguments if argument not in {"--json", "--quiet"}]
     try:
@@ -84,7 +84,7 @@ def _result(arguments: Sequence[str]) -> Any:
 
 
 def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
-    """Return a command line error in one line; a value outside its limits is reported with its option."""
+    """Return a command line error as one line; for a value outside its limits, the line names the option."""
     if isinstance(bad, cyclopts.MissingArgumentError):
         for option, value in pairwise(arguments):
             if option == bad.keyword and re.match(r"-[\d.]", value):  # parsed as an option

@@ -80,7 +80,7 @@ app = _application()
 
 @functools.singledispatch
 def lines(result: Any) -> Iterable[str]:
-    """Return the lines to print for a result; the module of its command registers them for its type."""
+    """Return the lines to print for a result; each command module registers a function for the type of its result."""
     raise TypeError(f"no lines for {type(result).__name__}")
 
 
@@ -113,12 +113,12 @@ def text(value: Any) -> str:
 
 
 def simulated(result: Any) -> str:
-    """Return the prefix of a result that is not based on measurements alone."""
+    """Return "simulated: " for a result that is not based on measurements alone, otherwise an empty string."""
     return "simulated: " if result.simulated else ""
 
 
 def short(value: float | None) -> str:
-    """Format an error or uncertainty to two digits; one that is not finite is unknown."""
+    """Format an error or uncertainty to two digits, or as "unknown" if it is not finite."""
     return f"{value:.1e}" if value is not None and math.isfinite(value) else "unknown"
 
 

@@ -66,7 +66,7 @@ def series(number: int, *, dots: bool = False) -> dict[str, Any]:
 
 
 def receiver(name: str, index: int = 0) -> dict[str, Any]:
-    """Return the style of a receiver curve: colour and triangle of its side, or those at an index if it has no side."""
+    """Return the style of a receiver curve: colour and marker of its side, or of a series index if it has no side."""
     side = SIDES.get(side_of(name) or "")
     colour, marker = side or (SERIES[2:][index % len(SERIES[2:])], MARKERS[1:][index % len(MARKERS[1:])])
     return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}

@@ -271,7 +271,7 @@ def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list
 
 
 def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
-    """Return the length by which a boundary must at least be extended to end on another, and the name of the other."""
+    """Return the smallest distance along the tangent from an end to another boundary, and the name of that boundary."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
     nearest_side = [(math.inf, "")]

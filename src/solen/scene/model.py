@@ -129,8 +129,9 @@ class Scene:
 
     Interfaces must be separate (see `solen.scene.overlaps`) and media closed (see `solen.scene.closed_media`). With
     ``open_media`` neither is checked, for drawings in which a medium has no outer boundary, such as a half-space or an
-    infinite plate: a ray that passes around an open end and meets an interface from a medium it is not in ends there,
-    and the trace counts it as undefined. A ``front`` is a face of an extruded scene that is not vertical.
+    infinite plate: a ray that passes around an open end may meet an interface from a region that the interface does
+    not border; the ray ends there, and the trace counts it as undefined. A ``front`` is a face of an extruded scene
+    that is not vertical.
     """
 
     regions: tuple[Region, ...]

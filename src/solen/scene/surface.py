@@ -53,7 +53,7 @@ class Coating:
 
 @dataclass(frozen=True)
 class Lambertian:
-    """Scatter in which ``share`` of the light leaves with the same radiance in all directions, for any incidence."""
+    """Scatter in which ``share`` of the light leaves with the same radiance in all directions, at any incidence."""
 
     share: float = 1.0
     kind: Literal["lambertian"] = "lambertian"

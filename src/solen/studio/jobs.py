@@ -1,7 +1,7 @@
 """Background jobs: functions in separate processes, whose progress and result every page of a document shows.
 
 A process that has finished its work waits for the next job, because importing the modules of a command takes a second
-or two. To cancel a job its process is killed; a thread could not be stopped within a trace. A process exits when its
+or two. To cancel a job, its process is killed; a thread could not be stopped during a trace. A process exits when its
 parent has exited. Files that a job has written are kept, whatever happens to page and server.
 """
 

@@ -53,7 +53,7 @@ class PageCommand:
     design
         Parameter for the open design; empty if there is none.
     first
-        Options that are shown at once; all others require a further click.
+        Options that are shown immediately; all others require a further click.
     live
         Parameters that accept an observer of the run, and its class, ``module:name``, created with a `Reporter`.
     hidden

@@ -26,7 +26,7 @@ from solen.studio.search import SearchRequest
 ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
 """Fields that a page shows for each parameter in the list of tolerances."""
 COMPARISON_RAYS = 2**14
-"""Number of rays per angle for curves compared with that of the design."""
+"""Number of rays per angle for the curves with which the design is compared."""
 
 
 class View(Strict):
@@ -54,7 +54,7 @@ class PageRequest(Strict):
     view: View | None = Field(None, description="New view of the design.")
     values: dict[str, Any] = Field(default_factory=dict, max_length=64, description="Values, keyed by dotted key.")
     handle: str | None = Field(None, max_length=200, description="Handle that is dragged.")
-    to: tuple[Number, Number] | None = Field(None, description="Position to which it is dragged.")
+    to: tuple[Number, Number] | None = Field(None, description="Position to which the handle is dragged.")
     gesture: str = Field(
         "", max_length=60, description="Name of the gesture; changes of one gesture are undone together."
     )

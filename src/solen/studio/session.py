@@ -1,4 +1,4 @@
-"""Session of one page: it handles the newest request, drops older ones of a drag, and refines results when idle."""
+"""Session of one page: it handles the newest request, drops older requests of a drag, and refines results when idle."""
 
 import asyncio
 import contextlib

@@ -86,7 +86,12 @@ class Storage:
     def path(self, name: str) -> Path:
         """Return the path of a file in the storage; raise `SpecError` for any other name."""
         if name not in self.names():
-            raise SpecError("file", value=safe_name(name), limit="is not a file of the studio", remedy="drop it again")
+            raise SpecError(
+                "file",
+                value=safe_name(name),
+                limit="is not a file of the studio",
+                remedy="drop the file on the page again",
+            )
         return self.folder / name
 
     def jobs(self) -> Iterator[dict[str, Any]]:

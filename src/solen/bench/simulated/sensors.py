@@ -31,7 +31,9 @@ from solen.spec.soft import driven
 ANGLES, DEPTHS = 25, 9
 """Initial number of angles, or of depths of a finger, at which a response is traced."""
 MAX_INTERPOLATION_ERROR = 2e-4
-"""Largest difference between a value traced midway and its interpolation, as a fraction of the brightest value."""
+"""Largest difference between a value traced midway between two angles and the interpolation there, as a fraction of the
+brightest value.
+"""
 TOLERANCE = 2e-4
 """Tolerance of a fraction of the emitted power, integrated over the chip; the error is mostly ten times smaller."""
 MAX_HALVINGS = 6
@@ -213,7 +215,7 @@ def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angles (N,) and the fractions (N, 2) received on the right and the left, dense enough for interpolation.
 
-    Every step is halved until the power traced midway is within `MAX_INTERPOLATION_ERROR` of the interpolation.
+    Every step is halved until the power traced at its middle is within `MAX_INTERPOLATION_ERROR` of the interpolation.
     """
     response = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     unchecked = np.ones(len(angle_deg) - 1, dtype=bool)

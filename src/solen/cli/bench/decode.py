@@ -101,7 +101,7 @@ def decode(
     send: _Send = None,
     force: Force = False,
 ) -> Outcome[Decoding | NetworkDecoding] | None:
-    """Convert voltages to angles with a calibration: of a recording, of lines as they arrive, or during a run.
+    """Convert voltages to angles with a calibration: from a recording, from lines as they arrive, or during a run.
 
     Parameters
     ----------

@@ -24,11 +24,12 @@ def _(result: Demodulation) -> Iterator[str]:
     if clock is not None:
         yield (
             f"switching at {clock.rate_hz:.6g} Hz ± {short(clock.u_rate_hz)}, {result.off_stated_ppm:+.0f} ppm from "
-            f"the specified rate; on for {100 * clock.on_share:.1f} %; edges wander by {clock.wander_us:.0f} µs"
+            f"the specified rate; on for {100 * clock.on_share:.1f} % of a period; edges deviate by up to "
+            f"{clock.wander_us:.0f} µs"
         )
     counts = result.counts
     yield (
-        f"missing {sum(counts.missing.values())}, without an off slot {counts.without_off}, one-sided "
+        f"readings: missing {sum(counts.missing.values())}, without an off slot {counts.without_off}, one-sided "
         f"{counts.one_sided}, clipped {counts.clipped}"
     )
     if any(result.clipped_samples.values()):
@@ -51,7 +52,7 @@ def _counted(number: float, noun: str) -> str:
 
 
 def _rejection(row: Rejection) -> str:
-    mean = "" if row.with_mean_dB is None else f", with the mean {_dB(row.with_mean_dB)}"
+    mean = "" if row.with_mean_dB is None else f", after averaging {_dB(row.with_mean_dB)}"
     return (
         f"  rejection of ambient light at {row.frequency_hz:g} Hz: {_dB(row.two_sided_dB)}, one-sided "
         f"{_dB(row.one_sided_dB)}{mean}"

@@ -10,7 +10,7 @@ from solen.sensor.traced import value_text
 
 MAX_ROWS = 12
 ROUND_OFF = 1e-9
-"""Value, relative to the largest value of the same quantity or in mm, below which a value is a rounding error."""
+"""Largest rounding error: relative to the largest value of the same quantity, or in mm for a length."""
 
 
 @lines.register

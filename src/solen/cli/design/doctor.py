@@ -76,7 +76,7 @@ def completion(shell: Shell | None = None, /) -> Outcome[Completion]:
 
 @lines.register
 def _(installed: Completion) -> Iterator[str]:
-    yield f"{installed.shell} completes solen in new shells; to use it in this one, run: {installed.load}"
+    yield f"completion is active in new {installed.shell} shells; to activate it in this shell, run: {installed.load}"
 
 
 def _running_shell() -> Shell:

@@ -12,7 +12,7 @@ from solen.sensor.readings import DesignReadings
 
 MAX_ROWS = 8
 ANY_LOAD_OHM = 1e8
-"""Largest load, above which any load is possible."""
+"""Load in ohms above which the largest load is printed as any load."""
 
 
 @lines.register

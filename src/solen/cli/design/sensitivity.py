@@ -28,7 +28,7 @@ def _(sensitivities: Sensitivities) -> Iterator[str]:
     width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
     title = f"{sensitivities.name} at {value_text(sensitivities)}"
     yield f"{title}: change per unit of each parameter, and of the contrast for its tolerance"
-    heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'its u':>9}  {'tolerance':>9}  {'contrast':>9}"
+    heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u':>9}  {'tolerance':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"
     for row in sensitivities.sensitivities:
         start = f"  {row.key:{width}}  {row.value:9.6g}"
@@ -79,9 +79,9 @@ def _suggestions(suggestions: Sequence[Suggestion], present: Determination | Non
     if not suggestions:
         yield "  no position was found for a receiver or emitter that would determine the motions better"
         return
-    yield "  with another part, the least certain motion is determined"
+    yield "  with one more part, the least certain motion is determined"
     if present is not None:
-        yield f"    {_worst(present)}: as it is"
+        yield f"    {_worst(present)}: present network"
     yield from (
         f"    {_worst(suggestion.by_voltages)}: {suggestion.part} at {suggestion.place}" for suggestion in suggestions
     )

@@ -33,7 +33,7 @@ def _(result: Optimum) -> Iterator[str]:
             [f"{name:{width}}", f"{_merit(result.before, name):>18}", f"{_merit(result.after, name):>18}", *worst]
         )
     if result.sampled_difference is None or result.u_sampled_difference is None:
-        yield "both designs are traced again, with other samples and half the steps"
+        yield "both designs were traced again, with other samples and half the steps"
     else:
         difference = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
         yield f"largest difference in contrast between sampling and integration: {difference}"
@@ -56,7 +56,7 @@ def _prints(before: Tolerances, after: Tolerances) -> Iterator[str]:
         yield f"{old.merit:18}  {texts[0]:>22}  {texts[1]:>22}"
     for yields in zip(before.yields, after.yields, strict=True):
         texts = [f"{measured(100 * each.share, 100 * each.u_share, sign=False)} %" for each in yields]
-        yield f"yield {yields[0].requirement or 'of all'}: {texts[0]} before, {texts[1]} after"
+        yield f"yield {yields[0].requirement or 'for all requirements'}: {texts[0]} before, {texts[1]} after"
 
 
 @lines.register
@@ -84,7 +84,7 @@ def _goals(design: FrontDesign) -> str:
 def _search_notes(result: Optimum | Front) -> Iterator[str]:
     unused = result.max_evaluations - result.evaluations
     if unused and not result.interrupted:
-        yield f"{unused} of {result.max_evaluations} evaluations are unused: CMA-ES tries complete generations"
+        yield f"{unused} of {result.max_evaluations} evaluations are unused: CMA-ES evaluates only complete generations"
     if result.printed_by is not None:
         yield f"traced with the lens as printed by {result.printed_by}"
 

@@ -14,11 +14,11 @@ MAX_ROWS = 40
 @lines.register
 def _(result: Sweep) -> Iterator[str]:
     failed = sum(result.failures.values())
-    known = result.points * (1 + len(result.robust)) - result.traced - failed
-    counts = f"{result.traced} traced, {known} known, {failed} failed"
+    reused = result.points * (1 + len(result.robust)) - result.traced - failed
+    counts = f"{result.traced} traced, {reused} reused, {failed} failed"
     yield f"simulated: {result.name}, {result.points} points ({_kind(result)}): {counts}"
     if result.robust:
-        yield f"each as designed and with {len(result.robust)} deviations; the file contains the worst merits"
+        yield f"each point with {len(result.robust)} deviations, and without; the file contains the worst merits"
     heads = [*result.values, *table_merits(result.merits)]
     widths = [max(12, len(head)) for head in heads]
     yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))

@@ -55,7 +55,7 @@ def _yield(row: Yield) -> str:
 def _sources(result: Tolerances) -> str:
     """Return a note on the number of varied parameters whose deviation was not specified."""
     unspecified = sum(row.source != SPECIFIED for row in result.varied)
-    return f" ({unspecified} not specified; the source of each is given)" if unspecified else " (nothing else varies)"
+    return f" ({unspecified} not specified, their sources in brackets)" if unspecified else " (nothing else varies)"
 
 
 def _source(row: VariedParameter) -> str:

@@ -34,7 +34,7 @@ def _(inspection: LensInspection) -> Iterator[str]:
         yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest or 'none of these'}"
         for name, design in inspection.designs.items():
             yield (
-                f"  {name}: probability {design.probability:.3g} among these; {design.size.form_um:.3g} µm RMS "
+                f"  {name}: probability {design.probability:.3g} among these designs; {design.size.form_um:.3g} µm RMS "
                 f"after fitting size and overgrowth, {design.rms_um:.3g} before"
             )
 

@@ -39,8 +39,8 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
 def _spectral_law(fit: SpectralFit, exposure: SpectralExposure | None) -> Iterator[str]:
     preference = {
         None: "do not distinguish the two laws",
-        "spectrum": "prefer this law",
-        "Jacobs": "prefer Jacobs' law",
+        "spectrum": "favour this law",
+        "Jacobs": "favour Jacobs' law",
     }
     yield (
         f"spectral cure law (lamp: {fit.lamp}): Dp {fit.Dp_um:.4g} ± {fit.u_Dp_um:.2g} µm at the surface, Ec "

@@ -120,7 +120,7 @@ def decode(
 def _of_network(
     file: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
 ) -> tuple[NetworkStream, Iterator[SwitchingCycles]]:
-    """Return the decoder of a network, and its switching cycles in successive pieces."""
+    """Return the decoder of a network, and the switching cycles of the source in successive pieces."""
     check_options(options, ("sensor", "follow"))
     check_options(signals)
     calibration, path = load_network(file), Path(source)

@@ -59,7 +59,7 @@ def fidelity(
 
 
 def _coupon_of(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:
-    """Return the coupon that the job, or the options, define."""
+    """Return the coupon that the job defines, or else the options."""
     if job is None:
         if name is None:
             raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or specify its --job")

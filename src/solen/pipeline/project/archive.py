@@ -1,4 +1,4 @@
-"""Archives of one sensor: packing one to be shared, and unpacking one that was received."""
+"""Archives of a sensor: pack files into an archive to share it, and check and unpack a received archive."""
 
 from collections.abc import Sequence
 from pathlib import Path

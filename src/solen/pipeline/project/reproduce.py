@@ -1,4 +1,4 @@
-"""The figures of the paper that can be computed, and a page that compares its statements with solen."""
+"""The figures of the paper that can be computed, and a page that compares the paper's values with those of solen."""
 
 import json
 from pathlib import Path

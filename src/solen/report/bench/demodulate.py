@@ -71,7 +71,7 @@ def _rejection(axes: Axes, result: Demodulation) -> None:
         axes.plot(hz, rejection_dB(gain(hz, period, slot_s, kernel)), style, color=SERIES[0], lw=1.3, label=kernel)
     if means is not None:
         both = gain(hz, period, slot_s, result.options.kernel) * mean_gain(hz, period, means.readings)
-        label = f"with mean of {means.readings}"
+        label = f"averaged over {means.readings} readings"
         axes.plot(hz, rejection_dB(np.maximum(both, 1e-4)), color=SERIES[1], lw=1.0, label=label)
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set(xlabel="frequency of ambient light (Hz)", ylabel="rejection (dB)", ylim=(-8.0, 62.0))

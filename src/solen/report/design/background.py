@@ -19,10 +19,10 @@ MIN_FRACTION = 5e-4
 PARTS = {
     "right": "right receiver",
     "left": "left receiver",
-    "beside": "passes by lens and body",
-    "above_below": "passes above or below them",
-    "reflected": "is reflected and never enters",
-    "leaked": "leaves through top or bottom",
+    "beside": "passes by the lens and the body",
+    "above_below": "passes above or below the lens and the body",
+    "reflected": "is reflected and never enters the body",
+    "leaked": "leaves through the top or the bottom",
     "escaped": "leaves elsewhere",
     "absorbed": "is absorbed",
     "truncated": "was not traced further",
@@ -67,7 +67,7 @@ def _light(study: DesignStudy) -> str:
     if lens.acceptance_deg < half_cone_deg:
         text += (
             f" In the plane, the lens accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
-            "the remainder passes by it."
+            "the remainder passes by the lens."
         )
     if isinstance(lens, DesignedLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
@@ -120,16 +120,16 @@ def _index_text(lens: OvalLens, material: Optical, tolerance: float) -> str:
     if abs(index - lens.design_index) > 1e-9:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return (
-            f"The lens is designed for an index of {lens.design_index:.6g}, but the material has {index:.6g}: rays "
-            f"near the axis cross it {_focus(paraxial)}, edge rays {_focus(marginal)}, and the specified focus is "
-            f"{lens.focus_mm:g} mm."
+            f"The lens is designed for an index of {lens.design_index:.6g}, but the material has {index:.6g}: "
+            f"paraxial rays cross the axis {_focus(paraxial)}, edge rays {_focus(marginal)}, and the specified focus "
+            f"is at {lens.focus_mm:g} mm."
         )
     parts = []
     for step, _ in index_offsets(material, tolerance):
         if step != 0.0:
             paraxial, best = lens.paraxial_focus_mm(index + step), lens.best_focus_mm(index + step)
             change = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            crossing = f"rays near the axis would cross it {_focus(paraxial)}"
+            crossing = f"paraxial rays would cross the axis {_focus(paraxial)}"
             parts.append(f"{change}, {crossing}, and the smallest spot would be {_focus(best)}")
     return f"If the print's index were {'; '.join(parts)}. The focus shifts strongly, the response only slightly."
 

@@ -59,7 +59,8 @@ def study_figure(study: DesignStudy) -> Figure:
         contrast_axes.plot(built.angle_deg, built.contrast, color=SPACE, lw=1.6, label="with a chip, in space")
     if practice is not None and practice.paper is not None:
         angle, contrast = practice.paper.angle_deg, practice.paper.contrast
-        contrast_axes.plot(angle, contrast, ":", color=LOST, lw=1.4, label="as in the paper (point, plane)")
+        label = "as in the paper (point source in the plane)"
+        contrast_axes.plot(angle, contrast, ":", color=LOST, lw=1.4, label=label)
     power_axes.set_ylim(0, None)
     if study.case.count is not None:
         power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")

@@ -37,10 +37,10 @@ FIGURES = {
     "readings": "readings over each motion",
     "shape": "the body at rest and deformed, with its strain",
     "matters": "change of the contrast at each angle, for each parameter that deviates by its tolerance",
-    "as-printed": "deviation of the printed lens, and the contrast with it and with the designed one",
+    "as-printed": "deviation of the printed lens, and the contrast with the printed and with the designed lens",
     "focus": "focus against the index of the material",
-    "rays": "rays from the LED through lens and body to the receivers, in each of the positions",
-    "rays-at-the-lens": "the same rays near LED and lens",
+    "rays": "rays from the LED through the lens and the body to the receivers, in each position",
+    "rays-at-the-lens": "the same rays near the LED and the lens",
     "rays-without-lens": "rays through the body without its lens",
 }
 """All figures that a report may have, with their alternative texts; ``shape`` is for a soft body."""

@@ -93,7 +93,7 @@ def _figure_in_space(lens: LensInSpace) -> Figure:
 
 
 def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
-    """Return the heights at which a face is drawn, and those of its sections there; slab boundaries occur twice."""
+    """Return the heights at which a face is drawn, and those of the drawn sections; slab boundaries occur twice."""
     if isinstance(lens, LayeredLens) and lens.layers < ROWS:
         return np.repeat(lens.edges_mm, 2)[1:-1], np.repeat(lens.middles_mm, 2)
     heights = np.linspace(-1.0, 1.0, ROWS) * lens.half_height_mm * (1.0 - 1e-9)

@@ -86,7 +86,7 @@ def network_figure(study: NetworkStudy) -> Figure:
         for number, axes in enumerate(row):
             _draw_curves(axes, angle, response.power[:, number], response.u_power[:, number], colours)
             axes.set(xlabel=f"{name} (deg)", title=f"{response.emitters[number]} lit")
-        row[0].set_ylabel("fraction of its power")
+        row[0].set_ylabel("fraction of the emitted power")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     figure.suptitle(f"simulated: {study.design.name}")
@@ -213,7 +213,7 @@ def _draw_combinations(axes: Axes, motions: Determination) -> None:
 
 def _draw_suggestions(axes: Axes, present: Determination, suggestions: Sequence[Suggestion]) -> None:
     """Draw the largest standard deviation of a motion for the present network and with each suggested part."""
-    rows = [("as it is", present)]
+    rows = [("present network", present)]
     rows += [(f"{suggestion.part} at {suggestion.place}", suggestion.by_voltages) for suggestion in suggestions]
     finite = [motions.worst_sd_deg for _, motions in rows if math.isfinite(motions.worst_sd_deg)]
     unbounded = UNBOUNDED_LENGTH * max(finite, default=1.0)

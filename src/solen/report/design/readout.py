@@ -39,7 +39,7 @@ def network_volts_figure(volts: NetworkVolts) -> Figure:
         _scale_resolution(axes)
         axes.set_xlabel(f"{name} (deg)")
     for emitter, axes in zip(rest.emitters, panels[:, 0], strict=False):
-        axes.set_ylabel(f"V, {emitter} lit")
+        axes.set_ylabel(f"voltage (V), {emitter} lit")
     panels[-1, 0].set_ylabel("resolution (deg)")
     panels[-1, 0].legend()
     handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -65,7 +65,7 @@ def _volts(axes: Axes, readings: DesignReadings) -> None:
     axes.axhline(circuit.supply_V, color=LOST, lw=0.8, ls=":")
     axes.axhline(readings.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
-    axes.set(xlabel="angle (deg)", ylabel="volts (brighter is lower)", ylim=(0.0, 1.26 * circuit.supply_V))
+    axes.set(xlabel="angle (deg)", ylabel="voltage (V), lower if brighter", ylim=(0.0, 1.26 * circuit.supply_V))
     axes.set_title(f"{load}; bands: dimmest to brightest parts")
     axes.legend()
 

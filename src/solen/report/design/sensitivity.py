@@ -53,4 +53,4 @@ def _draw(axes: Axes, unit: str, rows: Sequence[Sensitivity]) -> None:
     axes.set_yticks(range(len(rows)), [f"{row.key}\n{row.contrast.value:.3g}" for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel(f"change of the contrast per {unit or 'unit (no dimension)'}")
+    axes.set_xlabel(f"change of the contrast per {unit or 'unit (dimensionless)'}")

@@ -26,7 +26,7 @@ ADVICE = {
     "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset "
     "of {by} moves the null by {null}.",
     "emitter.width_mm": "Measure the LED chip: a width change of {by} changes the contrast by {change}.",
-    "emitter.distance_mm": "Keep the emitter at its distance: an error of {by} changes the contrast by {change}.",
+    "emitter.distance_mm": "Keep the specified emitter distance: an error of {by} changes the contrast by {change}.",
     "material.index": "Measure the index of the printed material: an error of {by} changes the contrast by {change}.",
     "material.absorption_per_mm": "Measure the loss of printed guides: an absorption of {by} costs {light} of the "
     "light.",
@@ -87,7 +87,7 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
     if practice is not None and practice.paper is not None:
         saturation_deg = practice.paper.saturation_deg()
         saturated = "" if saturation_deg is None else f"; above {SATURATION_CONTRAST:g} from {saturation_deg:.2f}° on"
-        rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{saturated}"))
+        rows.append(("as in the paper (point source in the plane)", f"{_ends(practice.paper)}{saturated}"))
     return rows
 
 

@@ -35,7 +35,7 @@ def optimum_figure(result: Optimum) -> Figure:
 
 
 def _merits(axes: Axes, result: Optimum) -> None:
-    """Draw the merits as fractions of their initial values, if these exceed their uncertainties."""
+    """Draw the ratio of each merit to its initial value, if the initial value exceeds its uncertainty."""
     before, after = result.before.merits, result.after.merits
     names = [
         name for name in table_merits(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])
@@ -49,7 +49,7 @@ def _merits(axes: Axes, result: Optimum) -> None:
     axes.axvline(1.0, color=LEFT, lw=1.0, ls="--")
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set_xlabel("after, as a fraction of before")
+    axes.set_xlabel("ratio of merits, after / before")
 
 
 def _contrasts(figure: Figure, grid: GridSpec, result: Optimum) -> None:
@@ -67,7 +67,7 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
     axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label=nominal)
     for worst in contrast[1:]:
         axes.plot(angle_deg, worst, "--", color=INK, lw=1.2, label="worst deviations")
-    axes.set_xlabel("angle in deg")
+    axes.set_xlabel("angle (deg)")
     axes.set_ylabel("contrast")
     axes.legend()
 

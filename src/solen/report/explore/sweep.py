@@ -75,7 +75,7 @@ def _responses(axes: Axes, sweep: Sweep) -> None:
         value = values[point]
         label = f"{value:.4g}" if isinstance(value, float) else str(value)
         axes.plot(sweep.angle_deg, sweep.contrast[point], label=label, **series(number))
-    axes.set_xlabel("angle in deg")
+    axes.set_xlabel("angle (deg)")
     axes.set_ylabel("contrast")
     axes.legend(title=key)
 

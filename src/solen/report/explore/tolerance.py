@@ -67,18 +67,18 @@ def _yields(axes: Axes, result: Tolerances) -> None:
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("yield in %")
+    axes.set_xlabel("yield (%)")
 
 
 def _costs(axes: Axes, result: Tolerances) -> None:
-    """Draw the yield if one parameter at a time were exact."""
+    """Draw the yield if one parameter were exact, for each parameter in turn."""
     rows = result.varied
     axes.barh(range(len(rows)), [100 * (row.share_if_exact or 0.0) for row in rows], color=SERIES[2], alpha=0.8)
     axes.axvline(100 * result.yields[-1].share, color=INK, lw=1.0)
     axes.set_yticks(range(len(rows)), [row.key for row in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("yield in % if this were exact (line: all vary)")
+    axes.set_xlabel("yield (%) if this parameter were exact (line: all vary)")
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:
@@ -102,7 +102,7 @@ def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
     axes.grid(visible=False)
     if np.isnan(indices).any():
         axes.set_title("grey: constant, or causes not resolved by these prints")
-    figure.colorbar(mesh, ax=axes, label="fraction of the\nvariance in %")
+    figure.colorbar(mesh, ax=axes, label="fraction of the\nvariance (%)")
 
 
 def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:

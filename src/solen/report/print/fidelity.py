@@ -18,7 +18,7 @@ WIDTH_IN, PLOT_IN, TITLE_IN = 7.0, 2.6, 0.9
 MAX_PX = 1800
 """Longer side of the drawn image, in pixels."""
 MAX_LINEAR_SIZES, MIN_LINEAR_RATIO = 6, 0.2
-"""An axis is logarithmic if there are more sizes, and the ratio of the smallest to the largest is lower."""
+"""An axis is logarithmic if there are more sizes, and the smallest is less than this fraction of the largest."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",
@@ -57,7 +57,7 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
-    """Return the kinds of features whose deviations are drawn; pillars only without gaps and steps."""
+    """Return the kinds of features whose deviations are drawn; pillars only if no gaps or steps were measured."""
     measured = {feature.kind for feature in measurement.measured if feature.measured_mm is not None}
     kinds = [kind for kind in QUANTITIES if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]

@@ -38,7 +38,7 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     _draw_image(above, inspection)
     edge = _coloured(above, inspection, norm)
     bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # of the height of the image
-    figure.colorbar(edge, cax=bar, label="deviation, + outwards (µm)")
+    figure.colorbar(edge, cax=bar, label="deviation (µm), positive outwards")
     bar.grid(visible=False)
     _deviations(below, inspection, norm)
     title = f"{'simulated: ' if inspection.simulated else ''}{inspection.sources[0].file}"
@@ -149,6 +149,6 @@ def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> N
     axes.scatter(x, deviation, c=deviation, cmap=COLOUR_MAP, norm=norm, s=4, lw=0, zorder=3)
     axes.axhline(0.0, color=INK, lw=0.7)
     limit = float(np.abs(deviation).max())
-    axes.set(xlabel="x (mm)", ylabel="deviation, + outwards (µm)", ylim=(-1.4 * limit, 2.1 * limit))
+    axes.set(xlabel="x (mm)", ylabel="deviation (µm), positive outwards", ylim=(-1.4 * limit, 2.1 * limit))
     if _rivals(inspection):
         axes.legend()

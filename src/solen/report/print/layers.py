@@ -70,7 +70,7 @@ def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
     axes.imshow(window, cmap=COLOUR_MAP, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
     axes.set_title(f"pixels of layer {layer + 1}")
-    axes.set(xlabel="mm from the origin")
+    axes.set(xlabel="X and Y from the part's origin (mm)")
     axes.grid(visible=False)
 
 

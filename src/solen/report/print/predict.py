@@ -33,7 +33,7 @@ def _outline(axes: Axes, prediction: PrintedDesign) -> None:
     if compensation is not None:
         drawn, printed = compensation.drawn_um, compensation.printed.um
         axes.plot(*target.displaced(EXAGGERATION * drawn).T, **series(2), lw=1.2, label="compensated drawing")
-        axes.plot(*target.displaced(EXAGGERATION * printed).T, color=RIGHT, lw=1.2, label="printed from it")
+        axes.plot(*target.displaced(EXAGGERATION * printed).T, color=RIGHT, lw=1.2, label="printed, compensated")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
     axes.set_title(f"lens, with deviations times {EXAGGERATION:g}")
     axes.legend()
@@ -50,7 +50,7 @@ def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
         printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm RMS")
     axes.set(xlabel="x on the designed lens (mm)", ylabel="deviation from the design (µm)")
-    axes.set_title("deviation along the normal, + outwards")
+    axes.set_title("deviation along the normal, positive outwards")
     axes.legend()
 
 

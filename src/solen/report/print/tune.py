@@ -33,7 +33,7 @@ def _deviations(axes: Axes, tuned: TunedPrint) -> None:
     axes.plot(x, after, "--", color=RIGHT, lw=1.2, label="next, predicted (95 %)")
     axes.axhline(0.0, color=INK, lw=0.7)
     limit = 1.1 * max(float(np.abs(tuned.measured_um[measured]).max()), float((np.abs(after) + band).max()))
-    axes.set(xlabel="x (mm)", ylabel="deviation, + outwards (µm)", ylim=(-limit, 1.5 * limit))
+    axes.set(xlabel="x (mm)", ylabel="deviation (µm), positive outwards", ylim=(-limit, 1.5 * limit))
     axes.set_title(f"{'simulated: ' if tuned.simulated else ''}{tuned.design}")
     axes.legend()
 

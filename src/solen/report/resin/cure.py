@@ -78,9 +78,11 @@ def _draw_curve(axes: Axes, curve: MeasuredCurve) -> None:
     e = np.geomspace(min([*doses, curve.Ec_mJ_per_cm2]) / _MARGIN, max(doses) * _MARGIN, 161)
     depth, half, disc_half = curve.depth_um(e), curve.half_width_um(e), curve.half_width_um(e, of_one_disc=True)
     axes.fill_between(
-        e, depth - disc_half, depth + disc_half, color=RIGHT, alpha=_DISC_ALPHA, lw=0, label="discs, 95 %"
+        e, depth - disc_half, depth + disc_half, color=RIGHT, alpha=_DISC_ALPHA, lw=0, label="95 % interval of a disc"
     )
-    axes.fill_between(e, depth - half, depth + half, color=RIGHT, alpha=_CURVE_ALPHA, lw=0, label="curve, 95 %")
+    axes.fill_between(
+        e, depth - half, depth + half, color=RIGHT, alpha=_CURVE_ALPHA, lw=0, label="95 % interval of the curve"
+    )
     measured = e >= min(doses)
     axes.plot(e[measured], depth[measured], color=RIGHT, lw=1.6, label="Dp ln(E/Ec)")
     axes.plot(e[~measured], depth[~measured], "--", color=RIGHT, lw=1.0)

@@ -13,7 +13,7 @@ _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
-    """Draw spectra by exposure (repeats as mean ± SD), and transmittances at some wavelengths against exposure."""
+    """Draw spectra by exposure (repeat measurements as mean ± SD), and transmittance against exposure."""
     figure = Figure(figsize=(9.0, 3.6))
     left, right = figure.subplots(1, 2)
     _draw_spectra(left, trends.layers)

@@ -51,7 +51,7 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
     axes = figure.add_subplot()
     if all(value is not None for value in u):
         band = np.array(u, dtype=float)
-        axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
+        axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± standard uncertainty")
     label = "as published: see the warning" if is_published else resin.index.mode or resin.index.kind
     colour, dashes = (LEFT, "--") if is_published else (RIGHT, "-")
     axes.plot(wavelengths, n, color=colour, lw=1.8, ls=dashes, label=label)

@@ -23,7 +23,7 @@ class Ambient(Source):
     With uniform radiance every line through the circle carries the same power, whatever its direction and its distance
     from the centre: each point of the circle is a Lambertian emitter. The circle must enclose all bodies and receivers;
     its size then affects only the power, which is that of all light through it. In space the light enters only through
-    the wall, so a larger circle lets less of it arrive.
+    the wall, so less light arrives from a larger circle.
     """
 
     center: Point

@@ -1,7 +1,7 @@
 """The base class of sources: numbered rays, each determined by a point of the unit cube.
 
-A few numbers determine a ray in the plane, and at least as many determine one in space; a source that has no extension
-in space emits from the plane y = 0 there.
+A few numbers determine a ray in the plane, and at least as many determine a ray in space. A source that is defined only
+in the plane emits in the plane y = 0 if the scene is in space.
 """
 
 import math

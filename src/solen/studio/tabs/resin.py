@@ -52,7 +52,7 @@ COMMANDS = (
     PageCommand(
         "resin exposures",
         "solen.pipeline.resin.exposures:exposures",
-        "Layers of different exposures",
+        "Layers with different exposures",
         files={"files": "Spectra of layers with different exposures"},
         outputs={"out": "exposures.json"},
         first=("wavelength_nm", "thickness_um"),

@@ -50,7 +50,7 @@ class Made:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper: its title, the commands that make it, and the function that makes it."""
+    """A figure of the paper: its title, and the commands and the function that make it."""
 
     name: str
     title: str

@@ -29,7 +29,7 @@ FILM = "film-layer"
 
 def _film(_: Path) -> Made:
     plans = coupons(only=FILM, listing=True).result
-    alt = "base on the platform, film cured onto it, layer cured, film with layer in the beam, rays through a slab"
+    alt = "base on the build plate, film cured onto it, layer cured, film with layer in the beam, rays through a slab"
     picture = Picture("S2.svg", alt, lambda: figure_of(plans), PAGE.model_copy(update={"letters": "A"}))
     sizes = film_layer_sizes(plans.layouts[0]) | settings_of_print()
     return Made((picture,), tuple(compared(key, size) for key, size in sizes.items()))
@@ -47,7 +47,7 @@ def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Com
     scale = InspectOptions(um_per_px=images.LENS_UM_PER_PX)
     inspection = inspect(file, design=design, options=scale).result
     rms_um, u_um, nearest_um = deviation_um(inspection)
-    alt = f"simulated micrograph of the lens for {nm} nm with the oval of its index and those of the other two indices"
+    alt = f"simulated micrograph of the lens for {nm} nm with the ovals for its index and the other two indices"
     options = COLUMN.model_copy(update={"panels": "A", "letters": letter})
     picture = Picture(f"3{letter}.png", alt, partial(figure_of, inspection), options, MARK)
     return picture, compared(f"printed-{nm}", rms_um, u_um, nearest_um=nearest_um)

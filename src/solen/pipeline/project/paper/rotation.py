@@ -29,7 +29,7 @@ POINT_RAYS = "100 rays of a point source in the plane"
 
 def _lenses(_: Path) -> Made:
     lens = shipped(POINT).lens
-    alt = "the ovals of 1.44, 1.49 and 1.54 from x = −2 to 2 mm; the lower the index, the deeper the lens"
+    alt = "the ovals for the indices 1.44, 1.49 and 1.54 from x = −2 to 2 mm; the lower the index, the deeper the lens"
     picture = Picture("3A.svg", alt, lambda: figure_of(lens), COLUMN.model_copy(update={"letters": "A"}))
     comparisons = [compared(f"focus-{nm}", focus_mm(shipped(f"paper-{nm}"))) for nm in ("860", *OTHERS_NM)]
     sizes = [compared(key, size) for key, size in lens_sizes(shipped(POINT)).items()]
@@ -68,7 +68,7 @@ def _sizes(point: Sensor) -> list[Comparison]:
 
 
 def _parts() -> list[Comparison]:
-    """Compare the peak wavelengths of the emitter and the receiver, from their datasheets."""
+    """Compare the peak wavelengths in the datasheets of the emitter and the receiver with the paper."""
     led, receiver = peak_nm("VSMY1850"), peak_nm("TEMT7100X01")
     return [compared("led-peak", *led, peak=led[0]), compared("receiver-peak", *receiver)]
 
@@ -76,7 +76,10 @@ def _parts() -> list[Comparison]:
 def _experiment(_: Path) -> Made:
     led = shipped(LED)
     led_contrasts = contrasts(led)
-    alt = "rays of the LED in the plane: equal at 0°, more at the right receiver at −3°, more at the left one at +3°"
+    alt = (
+        "rays of the LED in the plane: equally many at both receivers at 0°, more at the right one at −3°, more at the "
+        "left one at +3°"
+    )
     keys = ("experiment-right", "experiment-balanced", "experiment-left")
     rows = [
         compared(key, *pair) for key, *pair in zip(keys, led_contrasts.contrast, led_contrasts.u_contrast, strict=True)
