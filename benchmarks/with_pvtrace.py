@@ -27,7 +27,7 @@ REMEDY = 'pip install "pvtrace>=2.1,<3" pandas'
 
 
 class CountingSurface:
-    """A surface like `solen.interface`; ``receivers`` (N, 2, 2) are start and end points in the frame of the body."""
+    """A surface like `solen.refraction`; ``receivers`` (N, 2, 2) are start and end points in the frame of the body."""
 
     def __init__(self, receivers: NDArray[np.float64]) -> None:
         self.receivers = receivers

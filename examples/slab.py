@@ -6,7 +6,7 @@ R is the reflectance of a face and τ the internal transmittance of a single pas
 """
 
 from solen.curve import Segment
-from solen.interface import fresnel
+from solen.refraction import fresnel
 from solen.scene import Beam, Interface, Monitor, Region, Scene
 from solen.trace import Limits, trace
 

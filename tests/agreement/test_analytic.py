@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from solen.curve import Arc, CartesianOval, Parabola, Segment
-from solen.interface import fresnel
 from solen.plane import along, cross, minus
+from solen.refraction import fresnel
 from solen.scene import Beam, Fan, Interface, Rays, Scene
 from solen.scene.model import Behaviour
 from solen.trace import Limits, trace

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from solen.curve import Arc, Bezier, Conic, Curve, Parabola, Segment, Spline
-from solen.interface import reflected
 from solen.plane import Point, Rigid, along, dot, left_of, minus, unit
+from solen.refraction import reflected
 from solen.scene import Fan, Interface, Rays, Scene
 from solen.trace import Limits, Mode, Trace, trace, trace_reference
 from tests.agreement.random_scene_support import curtains, one_body, polygon, ring, side

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from solen.curve import Arc
 from solen.errors import DesignError
-from solen.interface import reflected
 from solen.plane import Point, along, cross, heading, minus
+from solen.refraction import reflected
 
 position = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 

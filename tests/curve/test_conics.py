@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from solen.curve import Arc, Conic, Curve, Parabola
 from solen.errors import DesignError
-from solen.interface import reflected
 from solen.plane import Point, Rigid, along, cross, dot, heading, left_of, minus, right_of, unit
+from solen.refraction import reflected
 
 UP: Point = (0.0, 1.0)
 KINDS = [-4.0, -1.5, -1.0, -0.6, -0.1, 0.0, 0.3, 2.0]

@@ -13,8 +13,8 @@ from scipy.interpolate import CubicSpline
 from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Conic, Curve, Parabola, Segment, Spline, simple_pieces
 from solen.errors import DesignError
-from solen.interface import reflected
 from solen.plane import Point, Rigid, along, cross, dot, heading, left_of, minus, right_of, unit
+from solen.refraction import reflected
 
 Control = tuple[Point, Point, Point, Point]
 

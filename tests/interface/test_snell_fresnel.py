@@ -7,8 +7,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from solen.interface import cos_refracted, fresnel, reflected, refracted
 from solen.plane import cross, dot, heading
+from solen.refraction import cos_refracted, fresnel, reflected, refracted
 
 index = st.floats(1.0, 4.0)
 incidence_deg = st.floats(0.0, 89.0)

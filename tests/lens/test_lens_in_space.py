@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError, DesignError, SpecError
-from solen.interface import refracted
 from solen.lens import (
     LayeredLens,
     LayeredLensFromFile,
@@ -20,6 +19,7 @@ from solen.lens import (
     read_layers,
 )
 from solen.plane import unit
+from solen.refraction import refracted
 from solen.spec import Design, with_values
 
 PAPER = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}

@@ -9,10 +9,10 @@ import pytest
 from solen.arrays import FloatArray
 from solen.curve import Spline
 from solen.errors import DesignError
-from solen.interface import refracted
 from solen.lens import FlatFace, MeasuredLens, OvalLens, lens_of, profile_of, profile_text
 from solen.lens.fitted_profile import FittedProfile
 from solen.plane import unit
+from solen.refraction import refracted
 from solen.spec import Design, loads
 from tests.lens.measured_support import LENS, X, lens, noise_um, placed, profile
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from solen.curve import CartesianOval
-from solen.interface import refracted
 from solen.lens import FlatFace, OvalLens, lens_of, nearest_focus_mm, tangency
 from solen.plane import along, dot, heading
+from solen.refraction import refracted
 from solen.spec import Design
 
 TABLE = {  # z in mm at x = 0.5, 1, 1.5, 2 for s = 1, s' = 20, n1 = 1: computed independently of solen, to 50 digits

@@ -8,7 +8,7 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.cure.cautions import cautions
-from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
+from solen.material.cure.working_curve_fit import Scatter, WorkingCurve, working_curve
 
 DP, EC = 120.0, 8.0
 DOSES = np.repeat(np.geomspace(12.0, 120.0, 8), 3)

@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.cure import CureOptions
-from solen.material.cure.curve import working_curve
 from solen.material.cure.penetration import Attenuation, PenetrationOptions
 from solen.material.cure.spectral import ONE_LINE, depth, fit_spectral_law, lamp_lines, transmitted
+from solen.material.cure.working_curve_fit import working_curve
 from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.penetration import penetration
 

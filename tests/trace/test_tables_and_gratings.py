@@ -9,8 +9,8 @@ import pytest
 
 from solen.curve import Segment
 from solen.errors import DesignError
-from solen.interface import fresnel
 from solen.plane import Point
+from solen.refraction import fresnel
 from solen.scene import (
     AngleTable,
     Emitter,

@@ -8,7 +8,7 @@ import pytest
 
 from solen.curve import Arc, Segment
 from solen.errors import DesignError
-from solen.interface import fresnel
+from solen.refraction import fresnel
 from solen.scene import (
     Beam,
     Coating,

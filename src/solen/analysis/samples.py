@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from solen.analysis.drive import Drive, driven
 from solen.analysis.signals import TIMES, AngleSource, SignalOptions, Waveforms
+from solen.analysis.stimulus_column import StimulusColumn, stimulus_column
 from solen.analysis.timebase import TimeBase, time_base
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
@@ -65,8 +65,8 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     """
     warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
-    drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
-    channels = _receivers(recording, options, drive)
+    driving = None if angle == "elsewhere" else stimulus_column(recording, options, base, warnings)
+    channels = _receivers(recording, options, driving)
     warnings += [] if options.channel else _unused_warnings(recording, channels)
     unit, file = receivers_unit(channels.values()), recording.provenance.name
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
@@ -78,9 +78,9 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
             [channel.values * receiver_scale(channel, unit, file, warnings) for channel in channels.values()]
         )[base.order],
         unit=unit,
-        angle_deg=None if drive is None else drive.values,
-        stimulus=ANGLE if drive is None else drive.stimulus,
-        cell=None if drive is None else drive.cell,
+        angle_deg=None if driving is None else driving.values,
+        stimulus=ANGLE if driving is None else driving.stimulus,
+        cell=None if driving is None else driving.cell,
         clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
         ambient_subtracted=all(companion(recording, channel, "ambient") is not None for channel in channels.values()),
         window_s=_window_s(recording),
@@ -177,10 +177,10 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> fl
     return 1.0
 
 
-def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
+def _receivers(recording: Recording, options: SignalOptions, driving: StimulusColumn | None) -> dict[str, Channel]:
     """Return the receiver columns, keyed by receiver name."""
     time = _time_column(recording, options)
-    taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
+    taken = {*(() if time is None else (time.name,)), *(() if driving is None else driving.columns)}
     if options.channel:
         named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
         for name, count in Counter([*(column.name for column in named.values()), *taken]).items():

@@ -16,12 +16,12 @@ import numpy as np
 
 from solen.analysis.alignment import Alignment, align
 from solen.analysis.detected import command, explicit, find_log
-from solen.analysis.drive import Drive, driven, reject_undriven
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
 from solen.analysis.samples import ambient_by_side, sample_times
 from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
 from solen.analysis.signals import TIMES_OF_LOG, Signals, Switching, Waveforms
+from solen.analysis.stimulus_column import StimulusColumn, reject_missing_stimulus, stimulus_column
 from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
 from solen.ranks import Caution, note, prefixed, warning
@@ -313,7 +313,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, index: int, files: Sequen
         return part
     log = find_log(files[index], files)
     if log is None:
-        reject_undriven(part.recording)
+        reject_missing_stimulus(part.recording)
     caution = warning(f"{files[index].name} contains no angle: the angle in {log.name}, in the same folder, is used")
     part = replace(part, samples=replace(samples, warnings=(caution, *samples.warnings)))
     return replace(_with_log(part, log, options), detected_log=log)
@@ -322,28 +322,30 @@ def _with_angle(part: _Part, options: AnalysisOptions, index: int, files: Sequen
 def _with_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
     """Return a recording with the angle, force or depth of a stage log."""
     samples, log = part.samples, read(path)
-    alignment, drive, warnings = _aligned(samples, log, options)
+    alignment, driving, warnings = _aligned(samples, log, options)
     kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
     warnings = [*samples.warnings, *warnings, *alignment.warnings]
-    kept = replace(kept, stimulus=drive.stimulus, cell=drive.cell, warnings=tuple(warnings))
+    kept = replace(kept, stimulus=driving.stimulus, cell=driving.cell, warnings=tuple(warnings))
     return replace(part, samples=kept, log=log, alignment=alignment)
 
 
-def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, Drive, list[Caution]]:
+def _aligned(
+    samples: Waveforms, log: Recording, options: AnalysisOptions
+) -> tuple[Alignment, StimulusColumn, list[Caution]]:
     """Return the alignment of a log's clock with the recorder's, the logged quantity, and assumptions about it."""
     log_options = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
     base = sample_times(log, log_options, warnings, TIMES_OF_LOG)
-    drive = driven(log, log_options, base, warnings)
+    driving = stimulus_column(log, log_options, base, warnings)
     file = log.provenance.file
-    if drive is None:
+    if driving is None:
         limit = "no column is recognised as an angle, force or depth"
         raise DataError(file, limit=limit, remedy="name the column with --angle, --load or --depth")
-    finite = np.isfinite(drive.values)
+    finite = np.isfinite(driving.values)
     alignment = align(
-        samples.time_s, samples.volts, base.time_s[finite], drive.values[finite], samples.window_s, drive.stimulus
+        samples.time_s, samples.volts, base.time_s[finite], driving.values[finite], samples.window_s, driving.stimulus
     )
-    return alignment, drive, [prefixed(file, caution) for caution in (*base.warnings, *warnings)]
+    return alignment, driving, [prefixed(file, caution) for caution in (*base.warnings, *warnings)]
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:

@@ -1,7 +1,8 @@
 """Drivers of real instruments, keyed by the name used in a rig file.
 
 A driver opens an instrument for one of the roles in `solen.bench.roles`, from the rig, which specifies the connection,
-and the clock of the run. Another package adds a `Driver` with an entry point in the group ``solen.instruments``.
+and the clock of the run. A new driver is a module in this package and a row of `DRIVERS`. Another package adds a
+`Driver` with an entry point in the group ``solen.instruments``.
 
 Public names: `Driver`, `DRIVERS` and `open_instruments`.
 """

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from solen.curve import CartesianOval, Segment, check_numbers
 from solen.errors import DesignError
-from solen.interface import refracted
 from solen.lens.base import CurvedLens, Lens
 from solen.plane import Point, unit
+from solen.refraction import refracted
 from solen.results import reported
 
 

@@ -10,9 +10,9 @@ from typing import Any
 from solen.errors import DataError, SpecError
 from solen.files import read_text
 from solen.material.cross_checks import index_disagreement, loss_disagreement, penetration_disagreement
-from solen.material.cure.curve import WorkingCurve
 from solen.material.cure.discs import MeasuredCurve
 from solen.material.cure.spectral import SpectralFit, fit_spectral_law
+from solen.material.cure.working_curve_fit import WorkingCurve
 from solen.material.mix import named_number
 from solen.material.resin import Part, Resin, Source
 from solen.material.result_files import READERS, IndexResult, PenetrationResult, Reader, Selection, result_of

@@ -16,7 +16,7 @@ from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
 from solen.mechanics.load import Hold, HoldKind, Load, Press, Pull, Stretch, Turn
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import MeshOptions
-from solen.mechanics.soft import SoftBody
+from solen.mechanics.soft_body import SoftBody
 
 __all__ = [
     "Contact",

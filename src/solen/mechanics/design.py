@@ -24,7 +24,7 @@ from solen.mechanics.deformed import Contact, Deformed
 from solen.mechanics.load import Hold, Load, Press, Pull, Stretch, Turn
 from solen.mechanics.material import Material
 from solen.mechanics.mesh import MeshOptions
-from solen.mechanics.soft import SoftBody
+from solen.mechanics.soft_body import SoftBody
 from solen.plane import Point, heading
 from solen.ranks import Caution
 from solen.spec import Design, Wall

@@ -12,7 +12,7 @@ from solen.curve import ArcLength
 from solen.geometry import Body, Face
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
 from solen.mechanics.fingers import Touch, touch_of, tributary_lengths
-from solen.mechanics.newton import Guess, Problem
+from solen.mechanics.newton_step import Guess, Problem
 from solen.plane import Point
 
 MAX_PULL_FRACTION = 0.02

@@ -5,7 +5,8 @@ Wavelength, mirroring of the images, plate lift and time between exposures are o
 has a basis; `Printer.unconfirmed` names the estimates.
 
 `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, and `library_printer` reads a
-printer from the library. `printer_of` accepts a name or a path, as typed by a user.
+printer from the library. A new TOML file in ``printers/`` adds a printer. `printer_of` accepts a name or a path, as
+typed by a user.
 """
 
 import math

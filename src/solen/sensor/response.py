@@ -1,4 +1,4 @@
-"""The response of two receivers over the angles of a motion, and its sensitivity to a number of the design."""
+"""The response of two receivers over the angles of a motion: powers and contrast, (right − left) / (right + left)."""
 
 import math
 from collections.abc import Sequence

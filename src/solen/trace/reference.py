@@ -1,6 +1,6 @@
 """The reference tracer in plain Python, with which every faster tracer must agree.
 
-It follows one ray at a time, with the curves of `solen.curve` and the physics of `solen.interface`. In *counting* mode
+It follows one ray at a time, with the curves of `solen.curve` and the physics of `solen.refraction`. In *counting* mode
 a ray is refracted or totally reflected, but neither split nor absorbed by a medium. In *power* mode a ray is split
 according to Fresnel's equations, with s and p treated separately; both parts are followed down to the minimum weight,
 and media absorb. In *roulette* mode, one of the two parts continues with the total power, chosen with probability
@@ -18,8 +18,8 @@ from itertools import count
 import numpy as np
 
 from solen.curve import ROUNDING
-from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, Rigid, along, cross, dot, minus
+from solen.refraction import fresnel, reflected, refracted
 from solen.scene import Interface, Region, Scene, Surface
 from solen.trace.kernel.surface import Event, uniform, uniform_of
 from solen.trace.kernel.treated import FREE_PATH, PHASE

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, cross, dot, left_of, minus, right_of, unit
+from solen.refraction import fresnel, reflected, refracted
 from solen.scene import Coating, Gaussian, Grating, HarveyShack, Interface, ScatterTable, Surface, Texture
 from solen.trace.kernel.surface import Event, uniform_of
 from solen.trace.kernel.treated import FACET, ORDER, REFLECTED, REJECTION, TRANSMITTED, TRIES

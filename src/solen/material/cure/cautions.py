@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from solen.material.cure.curve import SIGNIFICANCE, OmittedDisc, WorkingCurve, means_of
+from solen.material.cure.working_curve_fit import SIGNIFICANCE, OmittedDisc, WorkingCurve, means_of
 from solen.material.regression import fitted, frequency, t_quantile
 from solen.ranks import Caution, do_not_use, warning
 

@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from solen.material.cure.cautions import cautions
-from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs_of
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.cure.spectral import SpectralFit
+from solen.material.cure.working_curve_fit import Scatter, WorkingCurve, working_curve
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
 from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.recording import Measured, Recording

@@ -21,8 +21,8 @@ from scipy.optimize import least_squares
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.cure.curve import MIN_SCATTER_THICKNESS, WorkingCurve
 from solen.material.cure.penetration import Attenuation
+from solen.material.cure.working_curve_fit import MIN_SCATTER_THICKNESS, WorkingCurve
 from solen.results import HIDDEN, Result, reported
 
 Lines = tuple[tuple[float, float], ...]

@@ -9,9 +9,9 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from solen.material.cure.curve import WorkingCurve
 from solen.material.cure.discs import ComparedCurve, MeasuredCurve
 from solen.material.cure.layers import StackDose
+from solen.material.cure.working_curve_fit import WorkingCurve
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, series
 
 _CURVE_ALPHA, _DISC_ALPHA = 0.18, 0.09

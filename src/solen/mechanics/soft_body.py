@@ -24,7 +24,7 @@ from solen.mechanics.fingers import contact_sizes, finger_of, pairs_of
 from solen.mechanics.load import Hold, Load, Press, Pull, Turn
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh, MeshOptions, mesh_of
-from solen.mechanics.newton import MAX_PUSH, DivergedError, Factors, Guess, Prescribed, Problem, step
+from solen.mechanics.newton_step import MAX_PUSH, DivergedError, Factors, Guess, Prescribed, Problem, step
 from solen.mechanics.outcome import Outcome
 from solen.mechanics.stretches import cuts_of, nodal_lengths, nodes_on
 from solen.mechanics.supports import supports_of

@@ -5,7 +5,7 @@ takes precedence over force and force over depth, and a note reports the choice.
 volts from a load cell whose sensitivity is specified (`solen.analysis.load_cell`); no unit is assumed for a force or
 depth.
 
-Public names: `driven` and `reject_undriven`.
+Public names: `stimulus_column` and `reject_missing_stimulus`.
 """
 
 import json
@@ -38,7 +38,7 @@ _MAX_U_TARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class StimulusColumn:
     """Quantity that drives a sensor.
 
     Attributes
@@ -59,7 +59,9 @@ class Drive:
     cell: LoadCell | None = None
 
 
-def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution]) -> Drive | None:
+def stimulus_column(
+    recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution]
+) -> StimulusColumn | None:
     """Return the quantity that drives a recorded sensor, or None if no column contains one.
 
     ``base`` contains the sample times. Assumptions are appended to the warnings.
@@ -83,7 +85,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
             unused = "is in volts from a load cell and is not used; to use it, specify --load-cell and --against force"
             warnings.append(prefixed(volts.name, warning(unused)))
         angle = _degrees(recording, channel, options, warnings)[base.order]
-        return Drive(ANGLE, angle, columns)
+        return StimulusColumn(ANGLE, angle, columns)
     file = recording.provenance.name
     cell = None
     if stimulus is FORCE:
@@ -101,10 +103,10 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
         if u > _MAX_U_TARE * float(np.ptp(values[np.isfinite(values)])):
             text = f"has a standard uncertainty of {u:.1g} {stimulus.unit}, from {n} readings, which no band includes"
             warnings.append(prefixed("the zero", warning(f"{text}; use a longer --tare-s")))
-    return Drive(stimulus, values, columns, cell)
+    return StimulusColumn(stimulus, values, columns, cell)
 
 
-def reject_undriven(recording: Recording) -> NoReturn:
+def reject_missing_stimulus(recording: Recording) -> NoReturn:
     """Raise `DataError` for a recording without an angle, force or depth."""
     remedy = (
         "name an angle column with --angle, a stage log with --angle-file, a force column with --load or a depth "
