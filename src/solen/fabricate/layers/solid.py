@@ -283,5 +283,5 @@ def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
     if tools:
         area = shapely.difference(area, shapely.union_all([filled(tool.rings(PLAN_MM)) for tool in tools]))
     if area.is_empty:
-        raise DesignError("layers", limit="cuts remove the whole part over some of its height")
+        raise DesignError("layers", limit="cuts remove the whole part at some heights")
     return rings_of(area)
