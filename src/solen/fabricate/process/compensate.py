@@ -143,7 +143,7 @@ class Printing:
         return float(np.sqrt(np.mean(um[self._inner] ** 2)))
 
     def _smooth(self, um: FloatArray) -> FloatArray:
-        """Return a deviation (N,) smoothed to the width of the blur; each end takes the value of the last inner point."""
+        """Return a deviation (N,) smoothed to the width of the blur; the ends take the value of the nearest point."""
         along = self.target.along_mm
         continued = np.interp(along, along[self._inner], um[self._inner])
         width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))
