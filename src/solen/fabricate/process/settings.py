@@ -241,7 +241,7 @@ class Settings(Strict):
 
     @property
     def min_feature_um(self) -> float:
-        """Half period of a wavy wall that prints with `MIN_HEIGHT` of its height; a blur σ leaves exp(−2 (π σ / period)²)."""
+        """Half period of a wavy wall that keeps `MIN_HEIGHT` of its height; a blur σ leaves exp(−2 (π σ / period)²)."""
         return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(MIN_HEIGHT))
 
 
