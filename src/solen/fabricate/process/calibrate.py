@@ -35,7 +35,7 @@ FITTED = ("Ec_mJ_per_cm2", "shrinkage_percent")
 MAX_CORRELATION = 0.9
 """Maximum absolute correlation of two parameters without a warning."""
 MIN_VARIANCE_REDUCTION = 0.5
-"""Minimum reduction of the prior variance, as a fraction, if the coupons are to determine a parameter."""
+"""Minimum fractional reduction of the prior variance at which the coupons determine a parameter."""
 MIN_FEATURES = 3
 _MAX_SCATTER = 2.0  # maximum ratio of scatter to reported uncertainty without a warning
 
@@ -152,8 +152,8 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     )
     lateral = sum(feature.kind != "step" for _, feature in used)
     if lateral < MIN_FEATURES:
-        count = f"{lateral} of {len(features)} features are pillars, holes or gaps with a measured size"
-        raise DataError("coupons", limit=f"must have at least {MIN_FEATURES} such features: {count}")
+        required = f"must have at least {MIN_FEATURES} pillars, holes or gaps with a measured size"
+        raise DataError("coupons", limit=f"{required}, but only {lateral} of {len(features)} features qualify")
     keys = (process.process.blur_key, *FITTED) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
     return _calibration(problem, problem.solve(), coupons, name)
