@@ -45,7 +45,7 @@ def test_refuses_folder_with_results_of_other_commands(tmp_path: Path) -> None:
     options = ToleranceOptions(prints=32)
     write_all(Request(tmp_path / "small-prints.json", DESIGN, options).content)
     Request(tmp_path / "small-prints.json", DESIGN, options.model_copy(update={"print_number": 7})).check()
-    with pytest.raises(OutputError, match=r"--seed is default there and 3 here"):
+    with pytest.raises(OutputError, match=r"--seed is default in that request and 3 in this one"):
         tolerance(design, out=tmp_path, options=ToleranceOptions(prints=32, seed=3))
     write_all(Request(tmp_path / "small-optimise.json", DESIGN, OptimiseOptions(minimise=("span",))).content)
     with pytest.raises(OutputError, match="--minimise"):

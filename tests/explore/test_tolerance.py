@@ -323,7 +323,7 @@ def test_refuses_print_that_design_file_cannot_describe(tmp_path: Path) -> None:
     offset = ("emitter.offset_mm=normal:0:0.02",)
     for options, reason in (
         ({"vary": offset, "process": path}, "growth of --process"),
-        ({"vary": ("emitter.distance_mm=normal:0:0.02",)}, "keep it"),
+        ({"vary": ("emitter.distance_mm=normal:0:0.02",)}, "keep this parameter"),
     ):
         with pytest.raises(SpecError, match=reason):
             print_design(DESIGN, ToleranceOptions(print_number=3, prints=32, **options))

@@ -19,6 +19,7 @@ from solen import __version__
 from solen.curve import Arc, Segment
 from solen.errors import DesignError, SpecError
 from solen.fabricate import Mesh, Part, Prism, as_glb, as_stl, as_threemf, label_of, mesh_of
+from solen.fabricate.layers.solid import fine_mesh
 from solen.fabricate.mesh import closed_mesh
 from solen.geometry import Face
 from solen.spec import Design
@@ -162,6 +163,12 @@ def test_refuses_a_tolerance_with_which_outlines_would_intersect() -> None:
     with pytest.raises(SpecError, match="is too coarse for the outlines of thin, which would intersect"):
         mesh_of(part, 0.5)
     assert mesh_of(part, 1e-3).open_edges() == 0
+
+
+def test_the_mesh_for_layers_names_no_option_if_the_tolerance_is_too_coarse() -> None:
+    part = Part("large", (Prism("large", (square(5e4, 10.0),), 0.0, 1.0),))
+    with pytest.raises(DesignError, match=r"^large; has no closed mesh within 0\.0002 mm; simplify the outline$"):
+        fine_mesh(part)
 
 
 @every_design

@@ -69,7 +69,7 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
 
 
 def _motion_sds(design: Design, response: NetworkResponse) -> FloatArray:
-    """Return the standard deviation of each motion at rest from one cycle of readings, with its u (motions, 2)."""
+    """Return the standard deviation of each motion at rest for one cycle of readings, and its u (motions, 2)."""
     states, motion_indices, slope_states = states_of(design.network)
     if not slope_states:
         return np.empty((0, 2))
@@ -87,7 +87,7 @@ def _motion_sds(design: Design, response: NetworkResponse) -> FloatArray:
 
 
 def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]], list[_SlopeStates]]:
-    """Return the states to be traced, the indices of `motion_states`, and those of states on either side of rest."""
+    """Return the states to be traced, and the indices of `motion_states` and of the states on either side of rest."""
     states, indices = motion_states(network)
     slope_states = []
     for motion in network.motion:

@@ -80,8 +80,8 @@ class PrintModel:
         if slicing.process is None:
             process = process.with_settings(**slicing.differences(process.process))
         if others := slicing.described_differences(process.process):
-            limit = "a tuned lens is printed with the layers of its process"
-            raise SpecError("--process", value=others[0], limit=limit, remedy="omit or change that option")
+            limit = f"a tuned lens is printed with the layers of its process: {others[0]}"
+            raise SpecError("--process", limit=limit, remedy=f"omit {others[0].partition(' ')[0]}")
         body = sensor.body()
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
         thickness_mm = sensor.design.body.thickness_mm

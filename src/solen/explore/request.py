@@ -82,7 +82,7 @@ def _changes(key: str, stored: Any, current: Any) -> Iterator[str]:
             inner = name if key in {"", "design"} else f"{key}.{name}"
             yield from _changes(inner, stored.get(name), current.get(name))
     elif stored != current:
-        yield f"{_option(key)} is {_value_text(stored)} there and {_value_text(current)} here"
+        yield f"{_option(key)} is {_value_text(stored)} in that request and {_value_text(current)} in this one"
 
 
 def _option(key: str) -> str:

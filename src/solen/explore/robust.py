@@ -22,9 +22,12 @@ def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator
         If a text is malformed, a parameter is specified twice, or there are too many parameters.
     """
     deviations = dict(parse_deviation(text, sensor, "--robust") for text in texts)
-    if len(deviations) < len(texts) or len(deviations) > MAX_PARAMETERS:
-        limit = f"accepts each parameter once, and at most {MAX_PARAMETERS} parameters"
-        raise SpecError("--robust", value=f"{len(texts)} parameters", limit=limit, remedy="omit one of them")
+    if len(deviations) < len(texts):
+        limit = "contains a parameter twice"
+        raise SpecError("--robust", value=", ".join(texts), limit=limit, remedy="omit one of its two deviations")
+    if len(deviations) > MAX_PARAMETERS:
+        limit = f"must have at most {MAX_PARAMETERS} parameters"
+        raise SpecError("--robust", value=f"{len(texts)} parameters", limit=limit, remedy="omit the least important")
     mirrors = mirrors and sensor.is_symmetric
     yield {}
     for signs in product((1.0, -1.0), repeat=len(deviations)):

@@ -40,7 +40,7 @@ from solen.spec.strict import Finite
 
 TEST_PROBABILITY = 0.84
 """Quantile at which the effect of a single deviation is tested: one standard deviation of a normal distribution."""
-KEEP_CONSTANT = "keep it constant: specify only the other parameters with --vary"
+KEEP_CONSTANT = "keep this parameter constant: specify only the other parameters with --vary"
 
 
 class ToleranceOptions(AccuracyOptions):

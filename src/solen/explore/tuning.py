@@ -162,7 +162,8 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
     matches = [number for number, known in hashes.items() if known == sha256]
     identity = f"is {log.name(matches[0])}" if matches else "is not a drawing of this log"
     limit = f"{identity}, but this print should be a print of {log.name(expected)}"
-    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="take an image of a print of the latter")
+    remedy = f"take an image of a print of {log.name(expected)}"
+    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,10 +236,9 @@ class _Tuning:
         logs = {number: self._systematic(number, self._centre_mm, UNKNOWN_DRAWING).log_evidence for number in numbers}
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > MAX_LOG_RATIO:
-            limit = (
-                f"looks like a print of {self.log.name(best)}, but should be a print of {self.log.name(self.number)}"
-            )
-            remedy = "take an image of a print of the latter, or specify with --drawn the drawing that was printed"
+            expected = self.log.name(self.number)
+            limit = f"looks like a print of {self.log.name(best)}, but should be a print of {expected}"
+            remedy = f"take an image of a print of {expected}, or specify the printed drawing with --drawn"
             raise DataError(self.inspection.sources[0].file, limit=limit, remedy=remedy)
 
     @cached_property

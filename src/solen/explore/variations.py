@@ -21,8 +21,10 @@ from solen.sensor.numbers import MATERIAL_KEYS, number, why_inert
 FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
 SPECIFIED = "specified"
 _TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+[A-Za-z_0-9.\[\]]+)\s*")
-EXCLUDED_TABLES = ("fabricate", "tolerance", "trace", "motion")
-"""Tables whose parameters do not affect light and readout, or must be the same for all designs that are compared."""
+TABLES_WITHOUT_EFFECT = ("fabricate", "tolerance")
+"""Tables whose parameters do not affect light and readout."""
+COMMON_TABLES = ("trace", "motion")
+"""Tables whose parameters must be the same for all designs that are compared."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,11 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
 
     With ``material``, parameters of the material are accepted even if a resin determines them.
     """
-    if key.partition(".")[0] in EXCLUDED_TABLES or key.startswith("network.motion["):
-        limit = "does not affect the response, or must be the same for all designs that are compared"
+    table = key.partition(".")[0]
+    if table in TABLES_WITHOUT_EFFECT:
+        raise SpecError(f"{option} {key}", limit="does not affect the response", remedy=f"omit {option} {key}")
+    if table in COMMON_TABLES or key.startswith("network.motion["):
+        limit = "must be the same for all designs that are compared"
         raise SpecError(f"{option} {key}", limit=limit, remedy=f"omit {option} {key}")
     number(sensor, key)
     if why := "" if material and key in MATERIAL_KEYS else why_inert(sensor, key):

@@ -6,8 +6,8 @@ is continuous; a chain with corners is divided at the corners.
 
 Any other curve (the Cartesian oval, a conic) is interpolated to within `FIT_TOLERANCE_MM` by a cubic B-spline with
 continuous curvature. The spline has the tangents of the curve at its ends, which keeps junctions smooth. Its parameter
-increases equally with arc length, tangent angle and the parameter of the curve: CAD programs integrate over the
-parameter with few nodes, which are then dense near the sharp vertex of a lens.
+is the mean of arc length, tangent angle and curve parameter, each relative to its total: CAD programs integrate over
+the parameter with few nodes, which are then dense near the sharp vertex of a lens.
 """
 
 import math

@@ -44,7 +44,8 @@ class Export:
     @property
     def outline(self) -> Body:
         """Body with a single outline for all heights; `DesignError` if the outline varies with height."""
-        return self.body.prism('export --step or a mesh, or draw the middle section: lens.shape = "cartesian-oval"')
+        remedy = 'export --step or a mesh, or set lens.shape = "cartesian-oval" to draw the middle section'
+        return self.body.prism(remedy)
 
     @cached_property
     def numbers(self) -> tuple[NumberedPart, ...]:

@@ -118,7 +118,7 @@ class Hollow:
             count *= 2
             if count > MAX_SPANS:
                 limit = f"would require more than {MAX_SPANS} grid intervals across the lens"
-                raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="increase it")
+                raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="use a larger tolerance")
 
     def fitted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return a cubic B-spline within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3), x knots, y knots.

@@ -172,7 +172,7 @@ def _check_disjoint(prism: Prism, rings: list[FloatArray], tolerance_mm: float) 
     simple = len(polygons) == len(rings) and all(polygon.is_valid for polygon in polygons)
     if not simple or any(a.exterior.intersects(b.exterior) for a, b in combinations(polygons, 2)):
         limit = f"is too coarse for the outlines of {prism.name}, which would intersect"
-        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="reduce it")
+        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="use a smaller tolerance")
 
 
 def _prism_surface(rings: list[FloatArray], from_mm: float, to_mm: float) -> tuple[FloatArray, IntArray]:

@@ -114,12 +114,12 @@ class Part:
 
     @property
     def wall_mm2(self) -> float:
-        """Total area of the vertical walls; times the mesh tolerance, it is an upper bound for the volume error."""
+        """Total area of the vertical walls; multiplied by the mesh tolerance, an upper bound for the volume error."""
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """Raise `DesignError` if the tool of a cut does not remove its volume from the part."""
+        """Raise `DesignError` if the tool of a cut does not remove exactly the volume of the cut from the part."""
         removed_mm3 = sum(_common_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(removed_mm3 - cut.volume_mm3) <= _negligible(cut.removed.area_mm2) * cut.removed.height_mm:
             return

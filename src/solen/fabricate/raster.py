@@ -164,7 +164,7 @@ def _segments(rings: Sequence[FloatArray], grid: Grid) -> EdgeSegments:
     row, column = np.floor(middle[:, 1]).astype(np.int64), np.floor(middle[:, 0]).astype(np.int64)
     fraction = np.where(column < 0, 1.0, column + 1.0 - middle[:, 0])
     order = np.argsort(row, kind="stable")
-    descent = begin[:, 1] - end[:, 1]  # the area is on the left of an edge: on the right in the row if it descends
+    descent = begin[:, 1] - end[:, 1]  # the area is on the left of an edge
     return EdgeSegments(row[order], np.maximum(column, 0)[order], descent[order], fraction[order])
 
 

@@ -122,7 +122,7 @@ class Bend:
         return np.asarray(self._centre(z) + np.column_stack([x * np.cos(turn), x * np.sin(turn)]))
 
     def velocities(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Return the bent derivatives (N, 2) of moving points."""
+        """Return the velocities (N, 2) of bent points, from the velocities of the points before the bend."""
         (x, z), (dx, dz) = points.T, velocities.T
         turn = self._turn(z)
         cos, sin = np.cos(turn), np.sin(turn)

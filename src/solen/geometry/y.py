@@ -179,7 +179,7 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
             limit="must be above 0 if the arms continue the sides of the stem: otherwise they never separate",
-            remedy="increase it or specify body.arm_angle_deg",
+            remedy="increase stem_curve_per_mm, or specify body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:

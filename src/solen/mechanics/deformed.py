@@ -60,7 +60,7 @@ class Contact(Result):
     face
         Name of the face.
     u_from, u_to
-        Part of the face's curve in contact, in its parameter; not in JSON.
+        Parameters of the face's curve at the ends of the part in contact; not in JSON.
     from_mm, to_mm
         Ends of this part as lengths along the face, measured as in wall tables.
     depth_mm

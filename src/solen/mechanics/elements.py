@@ -236,7 +236,7 @@ class Elements:
 
     @cached_property
     def _sparsity(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
-        """Order of the local entries by matrix entry, start and row of each entry's group, and start of each column."""
+        """Order that groups local entries by matrix entry; start and row of each group, and start of each column."""
         rows = np.repeat(self._dofs[:, :, None], self._dofs.shape[1], axis=2).ravel()
         columns = np.repeat(self._dofs[:, None, :], self._dofs.shape[1], axis=1).ravel()
         order = np.lexsort((rows, columns))

@@ -81,7 +81,7 @@ class Finger:
             raise DesignError(f"{self.press.name}.force_N", value=self.press.force_N, limit=limit, remedy=remedy)
         if depth_mm > 0.0 and not push > 0.0:
             limit = f"lost contact: the body has moved away from the finger, whose tip is at {tip}"
-            raise DesignError(self.press.name, limit=limit, remedy="move the finger, or omit it")
+            raise DesignError(self.press.name, limit=limit, remedy="move or remove the finger")
 
 
 def finger_of(body: Body, press: Press) -> Finger:
@@ -206,7 +206,7 @@ def contact_sizes(
 def _half_width_mm(finger: Finger, soft_material: Material, thickness_mm: float) -> float:
     """Estimate half the contact width: Hertz's for a given force, three quarters of half the chord for a given depth.
 
-    It is rounded to a power of √2, so that a slightly different finger or modulus leads to the same mesh.
+    The result is rounded to a power of √2, so that a slightly different finger or modulus gives the same mesh.
     """
     press = finger.press
     if press.force_N:

@@ -47,7 +47,7 @@ class Problem(NamedTuple):
 
 
 class Prescribed(NamedTuple):
-    """Displacements (N, 2) of fixed nodes, forces on all displacement components, and of fingers (0: none), N/mm."""
+    """Displacements (N, 2) of fixed nodes; forces on all displacement components and of fingers (0: none), in N/mm."""
 
     displacements: FloatArray
     nodal_forces: FloatArray

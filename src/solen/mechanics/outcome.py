@@ -18,7 +18,7 @@ from solen.plane import Point
 MAX_PULL_FRACTION = 0.02
 """Largest pull of a sliding hold that causes no warning, as a fraction of its push."""
 BULGE_FRACTION = 0.9
-"""Fraction of the area in which the walls bulge by at most the reported value; at sharp corners it is unbounded."""
+"""Fraction of the area in which the walls bulge by at most the reported value; the bulge at corners is unbounded."""
 MIN_FORCE_FRACTION = 1e-6
 """A finger touches the nodes on which its force is above this fraction of the largest force on a node."""
 MIN_PULL_N = 1e-6
@@ -197,7 +197,7 @@ class Outcome:
             if pulled > MAX_PULL_FRACTION * pushed and pulled > MIN_PULL_N:
                 yield (
                     f"{group.name} pulls on the body with {pulled:.2g} N and pushes with {pushed:.2g} N: "
-                    "if it can only push, shorten it until it pulls no more"
+                    "if this support can only push, shorten it until it no longer pulls"
                 )
 
 

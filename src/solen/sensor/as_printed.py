@@ -203,7 +203,7 @@ def _comparison(
 def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     """Return contrasts (N,) with a random outline at the angles of a response; NaN without light.
 
-    They are integrated or sampled if the response was, and otherwise traced with a fan of rays.
+    The contrasts are integrated or sampled if the response was, and otherwise traced with a fan of rays.
     """
     angles, scene = response.angle_deg.tolist(), drawn.scene(float(response.angle_deg[0]))
     integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)

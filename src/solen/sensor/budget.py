@@ -32,7 +32,7 @@ class Budget:
     beside
         Passing beside the lens and the body without meeting a surface.
     above_below
-        Passing above or below them, in space.
+        Passing above or below the lens and the body, in space.
     reflected
         Reflected by the body without entering it.
     leaked

@@ -176,7 +176,7 @@ def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
 
 
 def _number_effect(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
-    """Return half the change from the number minus to plus its tolerance; the one-sided change at a limit."""
+    """Return half the change when a number goes from minus to plus its tolerance; at a limit, the one-sided change."""
     tolerance, by_uncertainty = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []

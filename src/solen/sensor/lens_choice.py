@@ -1,9 +1,9 @@
 """Lens choice: a design compared with the cylinder, the layered and the line-focus lens.
 
-The latter two also focus skew rays, so that a small rotation redistributes more light. They need an emitter at
-mid-height of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's
-motion and, at one of them, also with the emitter displaced in y. The angles are fractions of the distance from the null
-to the ends of the motion; for symmetric sensors on one side only.
+The layered and the line-focus lens also focus skew rays, so that a small rotation redistributes more light. They need
+an emitter at mid-height of the body, and their response is less linear. Each lens is therefore traced at a few angles
+of the design's motion and, at one of them, also with the emitter displaced in y. The angles are fractions of the
+distance from the null to the ends of the motion; for symmetric sensors on one side only.
 
 Public names: `lens_choice` and `LensChoice`.
 """

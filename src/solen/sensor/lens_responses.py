@@ -1,6 +1,6 @@
 """Responses of one sensor with several lenses: contrast and light at a few angles, with their standard errors.
 
-All are sampled in the same way, so that a cylinder and a lens for skew rays are comparable.
+All responses are sampled in the same way, so that a cylinder and a lens for skew rays are comparable.
 
 Public names: `lens_responses` and `LensResponse`.
 """

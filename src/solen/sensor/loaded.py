@@ -2,8 +2,8 @@
 
 Every value of the driven quantity defines a state of the body (`solen.mechanics.design`), which is traced like an angle
 of any other motion. Two responses are computed for comparison: that of a rigid body whose lens rotates by the same
-angle, and that of the other plane model. A real part is between plane strain and plane stress, so the difference
-between the two indicates the model uncertainty.
+angle, and that of the soft body in the other plane model. A real part is between plane strain and plane stress, so the
+difference between these two models indicates the model uncertainty.
 
 Public names: `loaded_study`, `LoadedStudy`, `deform`, `Deformation` and `force_of`.
 """

@@ -323,7 +323,7 @@ class Sensor:
     def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
         """Return the slope of the contrast at an angle, in power, with its uncertainty; None without light.
 
-        It is computed from two spans about the angle, one twice the other; curvature contributes to the uncertainty.
+        The slope is computed from two spans about the angle, one twice the other; curvature adds to the uncertainty.
         The tolerance is that of `integrate`.
         """
         return slope_per_deg(self, angle_deg, tolerance)
@@ -400,8 +400,8 @@ class Sensor:
     ) -> Reading:
         """Return a trace with the powers at an angle, integrated or sampled, and the uncertainty of these powers.
 
-        They are sampled if they cannot be integrated, for example with random scatter, or if integration is neither
-        accurate enough nor more accurate than sampling.
+        The powers are sampled if they cannot be integrated, for example with random scatter, or if integration is
+        neither accurate enough nor more accurate than sampling.
         """
         cannot_integrate = bool(integration_obstacle(self.scene(angle_deg)))
         target = standard_error or (tolerance if cannot_integrate else None) or SAMPLED_TOLERANCE

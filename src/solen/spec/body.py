@@ -147,9 +147,9 @@ class Lens(Strict):
     shape: Literal["cartesian-oval", "spline", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
         description="Shape of the lens. cartesian-oval; spline: a free form, the oval plus a deviation given by "
-        "knots_um; line-focus: a smooth surface that focuses rays in space on one line; layered: the same in upright "
-        "layers, each with its own profile; measured: the profile measured on the printed lens; none: a flat face at "
-        "the stem's base, distance_mm from the emitter.",
+        "knots_um; line-focus: a smooth surface that focuses rays in space on one line; layered: such a surface in "
+        "upright layers, each with its own profile; measured: the profile measured on the printed lens; none: a flat "
+        "face at the stem's base, distance_mm from the emitter.",
     )
     y_focus_mm: YFocus | None = Field(
         None,
@@ -276,7 +276,9 @@ class Receivers(Strict):
     coupling: Literal["matched", "air-gap"] = Field(
         "matched", description="Black and index-matched to the ends of the arms, or behind an air gap of gap_mm."
     )
-    gap_mm: Length | None = Field(None, description='Air gap in mm; required with coupling = "air-gap", and only then.')
+    gap_mm: Length | None = Field(
+        None, description='Air gap in mm; applies only to coupling = "air-gap", which requires it.'
+    )
     height_mm: Length | None = Field(
         None,
         description='Height along y in mm, centred; used with dimension = "extruded"; default: the full thickness.',

@@ -34,7 +34,7 @@ def check_combinations(design: "Design") -> None:
         )
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
         limit = 'does not apply with receivers.coupling = "air-gap": a pocket holds the receiver against the body'
-        raise refused("fabricate.pockets", limit, value=True, remedy="omit one of them")
+        raise refused("fabricate.pockets", limit, value=True, remedy='omit pockets, or set coupling = "matched"')
     if design.trace.dimension == "extruded" and design.emitter.is_fan:
         limit = 'requires light out of the plane, but emitter.pattern = "fan" emits in the plane only'
         raise refused("trace.dimension", limit, value="extruded", remedy='set emitter.pattern = "lambertian"')

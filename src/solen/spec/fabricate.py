@@ -28,7 +28,7 @@ class Fabricate(Strict):
     )
     receiver_part: Text = Field(
         "TEMT7100X01",
-        description="Receiver whose package fits the pockets: its name in the library, or a part file (ends in "
+        description="Receiver for whose package the pockets are made: its name in the library, or a part file (ends in "
         ".toml or contains a / or \\), relative to the design file.",
     )
     pocket_depth_mm: Length | None = Field(

@@ -61,7 +61,7 @@ class Node(Strict):
 
     table: ClassVar[str] = "network.nodes"
 
-    name: Name = Field(description="its name.")
+    name: Name = Field(description="name of the node.")
     at_mm: Position | None = Field(
         None,
         description="Position [x_mm, z_mm]; default: the end of the guide that leads to the node, or the origin for "
@@ -101,8 +101,8 @@ class Guide(Strict):
     )
     flush: Side | None = Field(
         None,
-        description="Side that continues the wall of the only guide that leads to the first node, so that this guide "
-        "begins at its corner; default: centred on the node.",
+        description="Side of this guide whose wall continues the wall of the guide that leads to the first node; only "
+        "one guide may lead there. Default: the guide is centred on the node.",
     )
 
     @property
@@ -151,7 +151,7 @@ class Placed(Strict):
             value = getattr(self, key)
             if (value is None) == (self.guide is not None):
                 limit = "missing: required with guide" if value is None else "does not apply without guide"
-                raise refused(key, limit, value=value, remedy="add it" if value is None else "omit it")
+                raise refused(key, limit, value=value, remedy=f"add {key}" if value is None else f"omit {key}")
 
 
 class PlacedLens(Placed):

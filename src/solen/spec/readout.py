@@ -21,15 +21,16 @@ class Readout(Strict):
     part: Text = Field("TEMT7100X01", description=f"{_PART.format('a receiver')}; used for each receiver.")
     emitter_part: Text | None = Field(
         None,
-        description=f"{_PART.format('an emitter')}; it gives the emitted power. Default: emitter.part, or VSMY1850.",
+        description=f"{_PART.format('an emitter')}; the emitter determines the emitted power. "
+        "Default: emitter.part, or VSMY1850.",
     )
     emitter_current_ma: Annotated[Number, Field(gt=0, le=1e5)] = Field(
         2.0, description="Emitter current in mA while the emitter is on."
     )
     load_ohm: Ohms = Field(2000.0, description="Load resistor of each receiver in ohm.")
     supply_v: Supply = Field(5.0, description="Supply voltage of the receivers in V.")
-    trimmer: Text = Field("TC33X-2-202E", description=f"{_PART.format('a trimmer')}; it sets the load.")
-    adc: Text = Field("USB-6218", description=f"{_PART.format('an ADC')}; it reads the voltage.")
+    trimmer: Text = Field("TC33X-2-202E", description=f"{_PART.format('a trimmer')}; the trimmer sets the load.")
+    adc: Text = Field("USB-6218", description=f"{_PART.format('an ADC')}; the ADC reads the voltage.")
     adc_range_v: tuple[Volts, Volts] | None = Field(
         None,
         description="Input range of the ADC, [low_V, high_V]; default: the smallest range that includes 0 V and "

@@ -277,7 +277,7 @@ def _shown(value: object) -> object:
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
     """Return the limit and the remedy for an unknown key."""
     if key in owner.reserved:
-        return "not yet supported", "omit it"
+        return "not yet supported", f"omit {key}"
     stem = what.removesuffix(key)
     elsewhere = [_dotted(root.table, (t, key)) for t, inner in _tables(root).items() if key in inner.model_fields]
     near = nearest(key, owner.model_fields)

@@ -127,7 +127,7 @@ class Candidates:
         return [candidate for candidate in self.tried if candidate.violation == 0.0]
 
     def check_feasible(self) -> None:
-        """Raise `SpecError` if no candidate meets every condition; it names those that the nearest candidate misses."""
+        """Raise `SpecError` if no candidate meets every condition; its message lists those that the best one misses."""
         if self.feasible:
             return
         nearest = self.tried[int(np.argmin([candidate.violation for candidate in self.tried]))]

@@ -4,7 +4,7 @@ Each design of the front is optimal for some weights of the two goals. Each goal
 the ends of the front and the scales of the goals. Then the larger of the two weighted goals is minimised for weights in
 steps from one end to the other. The best design for some weights is chosen from all candidates.
 
-`search_front` searches for it; `front_of` converts candidates to a `Front`.
+`search_front` searches for the front; `front_of` converts candidates to a `Front`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -41,7 +41,7 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
         limit = "contradicts --vary and --require, which apply to prints"
         raise SpecError("--prints", value=0, limit=limit, remedy="omit --prints 0")
     if 0 < options.prints < MIN_PRINTS:
-        limit, remedy = f"must be 0 or at least {MIN_PRINTS}", "increase it, or use 0"
+        limit, remedy = f"must be 0 or at least {MIN_PRINTS}", "increase --prints, or use 0"
         raise SpecError("--prints", value=options.prints, limit=limit, remedy=remedy)
     if options.prints:
         tolerance_options = _tolerance_options(options)

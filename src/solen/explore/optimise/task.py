@@ -138,7 +138,7 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
         remedy = "specify one, for example --minimise linearity_percent"
         raise SpecError(both, value=f"{len(goals)} goals", limit=limit, remedy=remedy)
     if len({goal.text for goal in goals}) < len(goals):
-        raise SpecError(both, value=goals[0].text, limit="is specified twice", remedy="omit one of them")
+        raise SpecError(both, value=goals[0].text, limit="is specified twice", remedy="omit one of the two goals")
     if len(goals) == 1 and "front" in options.model_fields_set:
         limit = "a front requires two goals, but only one is specified"
         raise SpecError("--front", value=options.front, limit=limit, remedy="specify another goal, or omit --front")
@@ -146,7 +146,7 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     if len(goals) > 1 and options.evaluations < min_evaluations:
         limit = f"a front of {options.front} designs requires at least {min_evaluations}"
         raise SpecError(
-            "--evaluations", value=options.evaluations, limit=limit, remedy="increase it, or reduce --front"
+            "--evaluations", value=options.evaluations, limit=limit, remedy="increase --evaluations, or reduce --front"
         )
 
 
@@ -174,7 +174,7 @@ def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
             raise SpecError(f"--free {free.key}", value=f"{low:g}:{high:g}", limit=limit, remedy=remedy)
         check_key(sensor, free.key, "--free")
         if free.key in keys:
-            raise SpecError(f"--free {free.key}", limit="is specified twice", remedy="omit one of them")
+            raise SpecError(f"--free {free.key}", limit="is specified twice", remedy="omit one of the two ranges")
         keys.add(free.key)
         yield free
 

@@ -11,8 +11,7 @@ from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.label import Label
 from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.printable import Printable, described_resin, rotated_mesh
-from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
-from solen.fabricate.mesh import mesh_of
+from solen.fabricate.layers.solid import Solid, exposures_of, fine_mesh, solid_of
 from solen.geometry.coupons import Coupon, Stage
 from solen.ranks import note
 from solen.recording import Provenance
@@ -62,7 +61,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     material, resin = described_resin(slicing.resin)
     notes = tuple(note(text) for text in (stage.note, *coupon.cautions) if text)
     source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
-    mesh = rotated_mesh(mesh_of(part, MESH_MM), np.eye(3))
+    mesh = rotated_mesh(fine_mesh(part), np.eye(3))
     return Printable(solid, mesh, label, source, material, resin, notes), slicing
 
 

@@ -52,7 +52,7 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """Summary of a coupon: size, numbers of features, gaps and steps, and how its published description was read.
+    """Summary of a coupon: size, numbers of features, gaps and steps, and readings of the source.
 
     ``parts`` are the parts with files; ``warnings`` list what the printer cannot resolve.
     """

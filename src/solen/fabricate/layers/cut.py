@@ -25,7 +25,7 @@ MAX_SHELLS = 300
 
 @dataclass(frozen=True, eq=False)
 class Cutter:
-    """A closed mesh with the heights of its triangles, from which it is cut."""
+    """A closed mesh to be cut at given heights, with the heights of its triangles."""
 
     mesh: Mesh
 

@@ -14,9 +14,9 @@ from solen.errors import DataError
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.orientation import orientation
-from solen.fabricate.layers.solid import MESH_MM, Solid, mesh_solid, solid_of
+from solen.fabricate.layers.solid import Solid, fine_mesh, mesh_solid, solid_of
 from solen.fabricate.lens_parts import required_orientation
-from solen.fabricate.mesh import Mesh, mesh_of
+from solen.fabricate.mesh import Mesh
 from solen.fabricate.meshfiles import stl_pieces
 from solen.fabricate.part import Part
 from solen.fabricate.stl import read_stl
@@ -91,7 +91,7 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     required, warnings = required_orientation(part, rotation, slicing.layer_um)
     return Printable(
         solid=solid_of(part, rotation),
-        mesh=rotated_mesh(mesh_of(part, MESH_MM), rotation),
+        mesh=rotated_mesh(fine_mesh(part), rotation),
         label=label,
         source=Provenance(path.name, label.sha256, "design"),
         material=material,
@@ -137,7 +137,7 @@ def rotated_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
 
 
 def described_resin(name: str | None, known: str = "") -> tuple[str, Resin | None]:
-    """Return the description and data of a resin; without a name, the description ends in what is ``known``."""
+    """Return the description and data of a resin; for no name, ``known`` is part of the description."""
     if name is None:
         return f"{UNKNOWN_RESIN}{known}: specify --resin", None
     resin = resin_of(name, Path(name) if is_file_path(name) else None)

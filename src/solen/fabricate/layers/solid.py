@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.errors import DataError, DesignError
+from solen.errors import DataError, DesignError, SpecError
 from solen.fabricate.layers.cut import Cutter, Shells
 from solen.fabricate.lens_parts import FacedPart
 from solen.fabricate.mesh import Mesh, mesh_of
@@ -150,19 +150,28 @@ class Slices(Solid):
         return None, self.cutter.rings(z_mm)
 
 
-def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
+def fine_mesh(part: Part) -> Mesh:
+    """Return the mesh of a part within `MESH_MM`; raise `DesignError` if there is none, without naming an option."""
+    try:
+        return mesh_of(part, MESH_MM)
+    except (DesignError, SpecError) as error:
+        limit = f"has no closed mesh within {MESH_MM:g} mm"
+        raise DesignError(part.name, limit=limit, remedy="simplify the outline") from error
+
+
+def solid_of(part: Part, rotation: FloatArray) -> Solid:
     """Return the solid of a part rotated by a matrix (3, 3): exact outlines if Z stays vertical, otherwise `Slices`.
 
     Raises
     ------
-    DesignError, SpecError
+    DesignError
         If the mesh cannot be made.
     """
     if rotation[2, 2] == 1.0 and isinstance(part, FacedPart):
         return Sections.of(part, rotation[:2, :2])
     if rotation[2, 2] == 1.0:
         return _plan(part, rotation[:2, :2])
-    return mesh_solid(mesh_of(part, tolerance_mm), rotation)
+    return mesh_solid(fine_mesh(part), rotation)
 
 
 def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = ()) -> Exposures:
@@ -283,5 +292,5 @@ def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
     if tools:
         area = shapely.difference(area, shapely.union_all([filled(tool.rings(PLAN_MM)) for tool in tools]))
     if area.is_empty:
-        raise DesignError("layers", limit="cuts remove the whole part over some of its height")
+        raise DesignError("layers", limit="cuts remove the whole part at some heights")
     return rings_of(area)

@@ -35,7 +35,7 @@ FITTED = ("Ec_mJ_per_cm2", "shrinkage_percent")
 MAX_CORRELATION = 0.9
 """Maximum absolute correlation of two parameters without a warning."""
 MIN_VARIANCE_REDUCTION = 0.5
-"""Minimum fraction by which the coupons must reduce the prior variance of a parameter that they determine."""
+"""Minimum fractional reduction of the prior variance at which the coupons determine a parameter."""
 MIN_FEATURES = 3
 _MAX_SCATTER = 2.0  # maximum ratio of scatter to reported uncertainty without a warning
 
@@ -78,7 +78,7 @@ class PrinterCalibration(Result):
     scales
         Scale of each image, as measured divided by true size.
     chi2, df
-        Chi-square, and number of measured values minus the number of parameters that they determine.
+        Chi-square, and degrees of freedom (parameters that follow from their prior do not reduce them).
     scale
         Factor by which uncertainties are increased because features scatter more than reported; otherwise 1.
     disagree
@@ -152,8 +152,8 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     )
     lateral = sum(feature.kind != "step" for _, feature in used)
     if lateral < MIN_FEATURES:
-        count = f"{lateral} of {len(features)} features are pillars, holes or gaps with a measured size"
-        raise DataError("coupons", limit=f"must have at least {MIN_FEATURES} such features: {count}")
+        required = f"must have at least {MIN_FEATURES} pillars, holes or gaps with a measured size"
+        raise DataError("coupons", limit=f"{required}, but only {lateral} of {len(features)} features qualify")
     keys = (process.process.blur_key, *FITTED) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
     return _calibration(problem, problem.solve(), coupons, name)

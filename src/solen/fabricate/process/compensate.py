@@ -1,11 +1,11 @@
 """Compensated drawing of a lens, which prints as the intended shape.
 
-The error of the printed wall is subtracted from the drawing, and the print is modelled again, until the error vanishes.
-The blur of a printer transmits slow variations of the drawing and suppresses fast ones. This fixed-point iteration
-therefore converges for every shape that the printer can make, and errors remain only at details that it cannot make,
-such as corners sharper than its blur. Corrections are smoothed to the width of the blur, because otherwise the drawing
-would develop ripples that do not print. Other walls are moved by the growth of a straight wall, and the drawing is
-enlarged to compensate shrinkage.
+The error of the printed wall is subtracted from the drawing, and the print is modelled again, until the error no longer
+decreases. The blur of a printer transmits slow variations of the drawing and suppresses fast ones. This fixed-point
+iteration therefore converges for every shape that the printer can make, and errors remain only at details that it
+cannot make, such as corners sharper than its blur. Corrections are smoothed to the width of the blur, because otherwise
+the drawing would develop ripples that do not print. Other walls are moved by the growth of a straight wall, and the
+drawing is enlarged to compensate shrinkage.
 
 A `Printing` combines a body and the process that prints it; `compensated` and `Printing.corrected` return a
 `Compensation`.
@@ -30,7 +30,7 @@ from solen.results import HIDDEN, reported
 
 MAX_ROUNDS = 24
 CONVERGED_UM = 0.02
-"""Change of the RMS error between rounds at which the iteration has converged."""
+"""Decrease of the RMS error in one round below which the iteration has converged."""
 MIN_STEP = 0.1
 """Minimum fraction of a correction that is tried."""
 
@@ -126,7 +126,7 @@ class Printing:
             gain = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
             best = compensation if best is None or gain > 0.0 else best
             rounds.append(best.printed.rms_um)
-            step *= 1.0 if gain > 0.0 else 0.5  # a smaller step, because a pixel responded too strongly
+            step *= 1.0 if gain > 0.0 else 0.5  # halved if the last step was too large
             if gain < CONVERGED_UM and (gain > 0.0 or step < MIN_STEP):
                 break
             drawn = best.drawn_um - step * self._smooth(best.printed.um)
@@ -143,7 +143,7 @@ class Printing:
         return float(np.sqrt(np.mean(um[self._inner] ** 2)))
 
     def _smooth(self, um: FloatArray) -> FloatArray:
-        """Return a deviation smoothed to the width of the blur, with that of the inner points continued to the ends."""
+        """Return a deviation (N,) smoothed to the width of the blur; the ends take the value of the nearest point."""
         along = self.target.along_mm
         continued = np.interp(along, along[self._inner], um[self._inner])
         width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))

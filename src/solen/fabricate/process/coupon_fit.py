@@ -85,7 +85,7 @@ class CouponFit:
         self._scale_whitening = np.linalg.inv(np.linalg.cholesky(scales.covariance))
 
     def solve(self) -> Solution:
-        """Return the least-squares solution; scatter beyond the uncertainties reduces only the weight of features."""
+        """Return the least-squares solution; excess scatter of the features increases the covariance."""
         count, scales = len(self.parameters), len(self.scales.of)
         bounds = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
         solution = least_squares(

@@ -1,8 +1,8 @@
 """Drawing sent to the printer: the outlines of a body, unchanged or compensated so that they print as designed.
 
-An outline consists of named faces. In a compensated drawing, the lens has points of its own, all other walls are
-displaced along their normals by a common distance (the growth of a straight wall), and the entire drawing is scaled
-about the centre of the lens to compensate shrinkage. If two displaced faces no longer meet, they are trimmed or
+An outline consists of named faces. In a compensated drawing, the lens is a new curve through given points, all other
+walls are displaced along their normals by a common distance (the growth of a straight wall), and the entire drawing is
+scaled about the centre of the lens to compensate shrinkage. If two displaced faces no longer meet, they are trimmed or
 extended to the intersection of their tangents.
 """
 
@@ -19,7 +19,7 @@ from solen.geometry import Body, Face
 from solen.plane import Point
 
 FLAT_MM = 1e-4
-"""Tolerance of the polylines of curves."""
+"""Maximum distance between a curve and the polyline that replaces it."""
 _MIN_SINE = 1e-3  # of the angle between tangents that are extended to their intersection
 _COINCIDENT_MM = 1e-6
 _MAX_MITRE = 20.0  # maximum length of an extension, divided by the gap
@@ -117,7 +117,7 @@ def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
 
 
 def _trimmed(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
-    """Return a polyline from one corner to the next, without its points beyond the corners."""
+    """Return a polyline cut to end at two new corners: its points beyond them are removed."""
     first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
     inner = points[1:-1]
     keep = ((inner - start) @ first > _COINCIDENT_MM) & ((end - inner) @ last > _COINCIDENT_MM)
@@ -126,7 +126,7 @@ def _trimmed(points: FloatArray, start: FloatArray, end: FloatArray, name: str) 
         keep[:middle] = ((inner - start) @ first > _COINCIDENT_MM)[:middle]
         keep[middle:] = ((end - inner) @ last > _COINCIDENT_MM)[middle:]
     if float((end - start) @ (points[-1] - points[0])) <= 0.0:
-        limit = "is shorter than the part that the displacement of its neighbours removes"
+        limit = "is too short: the displacement of the neighbouring walls would remove all of it"
         raise DesignError(name, limit=limit, remedy="lengthen it")
     return np.vstack([start, inner[keep], end])
 

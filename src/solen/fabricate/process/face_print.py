@@ -38,7 +38,7 @@ VERTEX = (0.0, 0.0)
 MAX_ROUNDS, CONVERGED_UM, MIN_STEP = 12, 0.1, 0.2
 """Maximum number of rounds of compensation, change of the RMS error at convergence, and minimum fraction of a step."""
 MIN_LIGHT = 1e-3
-"""Fraction of the light of a layer below which the layer does not affect a wall."""
+"""Minimum fraction of the light of a layer that must reach a wall if the layer is to be taken into account there."""
 SMOOTHING_LAYERS = 1.0
 """Number of layers over which a correction is smoothed."""
 
@@ -148,7 +148,7 @@ class FacePrint:
         return [stack.offsets_um(same[layer], self._targets[same[layer]], VERTEX) - face.um[layer] for layer in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
-        """Return the face printed from a drawing that is corrected by the printed deviation until this converges."""
+        """Return the face printed from a drawing that is corrected, round by round, until the deviation converges."""
         best, step, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MAX_ROUNDS):
             drawn = (best.drawn - step * self._smooth(self._attributed(best)))[self._representative]
@@ -250,7 +250,7 @@ class FacePrint:
 
     @cached_property
     def _representative(self) -> IntArray:
-        """For each layer (L,), the index of one that prints identically: the middle of its slab if profiles agree."""
+        """Index (L,) of a layer that prints like each layer: the middle of its slab if all profiles are equal."""
         if np.ptp(self.intended, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)
@@ -287,7 +287,7 @@ class FacePrint:
         return np.asarray(attributed / weights)
 
     def _smooth(self, error: FloatArray) -> FloatArray:
-        """Return errors (L, M) smoothed to the width of the blur; at the edge, those of inner points are continued."""
+        """Return errors (L, M) smoothed to the width of the blur; the edge takes the error of the last inner point."""
         is_inner = np.arange(PROFILE_POINTS) < self._inner
         continued = np.where(is_inner, error, error[:, self._inner - 1 : self._inner])
         width = 1e-3 * self.settings.edge_um / float(self.x_mm[1])

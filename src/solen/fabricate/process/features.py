@@ -116,7 +116,7 @@ class SharedScale:
 
     @classmethod
     def of(cls, size_um: float | None, u_um: float | None) -> "SharedScale":
-        """Return the scale with a size and its standard uncertainty, both in µm."""
+        """Return the scale for the size of a pixel and its standard uncertainty, both in µm; either may be unknown."""
         return cls(size_um, None if size_um is None or u_um is None else u_um / size_um)
 
 

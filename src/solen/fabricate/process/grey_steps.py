@@ -3,8 +3,8 @@
 The cure depth of a disc is Dp ln(E/Ec) (Jacobs). For two discs of one exposure, the critical dose cancels: the light of
 a grey level, relative to the full level, is exp((C - C₁)/Dp), where C is the thickness of its disc and C₁ that of the
 full level. An error of Dp is an error of the exponent, which is reported as the uncertainty of `Settings.grey_power`,
-together with the scatter of the discs. Scatter may also make the thickness fall with increasing grey level; the closest
-ascending values are then used (isotonic regression, weighted by the uncertainties of the thickness).
+together with the scatter of the discs. Scatter may make the thickness fall slightly with increasing grey level; the
+closest ascending values are then used (isotonic regression, weighted by the uncertainties of the thickness).
 
 `measured_greys` returns `MeasuredGreys`, whose ``process`` contains the measured grey response.
 """
@@ -43,7 +43,8 @@ class GreyOptions(RowOptions):
     """Options for the evaluation of grey-step discs."""
 
     u_thickness_um: Finite | None = Field(None, gt=0.0)
-    """Standard uncertainty of the thickness of a disc, if the table has no column u_thickness_um and no repeats."""
+    """Standard uncertainty of the thickness of a disc, for a table without a column u_thickness_um; default: from the
+    scatter of discs of the same grey level."""
     u_scale_percent: Annotated[Finite, Field(ge=0.0, le=50.0)] = 0.0
     """Standard uncertainty of the scale of the gauge in percent, which is common to all discs and not included in their
     uncertainties.
@@ -179,7 +180,7 @@ def _levels(recording: Recording) -> tuple[FloatArray, str]:
 
 
 def _u_um(depth: FloatArray, index: NDArray[np.intp], column: FloatArray | None, options: GreyOptions) -> FloatArray:
-    """Return the standard uncertainties of the thickness, from a column, an option or the scatter of repeats."""
+    """Return the standard uncertainties of the thickness, from a column, an option or the scatter of repeated discs."""
     if column is not None:
         if not (np.isfinite(column).all() and (column > 0.0).all()):
             raise DataError("u_thickness_um", limit="must be above 0 for every disc")

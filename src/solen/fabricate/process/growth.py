@@ -28,7 +28,7 @@ Light = tuple[FloatArray, FloatArray]
 
 
 def layers_inside(settings: Settings) -> int:
-    """Return a number of layers above which further layers have no effect."""
+    """Return the number of layers of a part so high that further layers would not change the light at its middle."""
     return math.ceil(25.0 * settings.deep_Dp_um / settings.layer_um) + 1
 
 

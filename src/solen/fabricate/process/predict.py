@@ -194,7 +194,10 @@ def _side_view(rings: Sequence[FloatArray], target: Target, settings: Settings, 
 
 
 def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
-    """Return half the difference of prints with a parameter plus and minus its uncertainty; one-sided if one fails."""
+    """Return half the difference between prints with a parameter increased and decreased by its uncertainty.
+
+    If only one of the two can be printed, its difference from the print with the unchanged parameter is returned.
+    """
 
     def varied(change: float) -> FloatArray | None:
         try:
@@ -206,7 +209,7 @@ def half_difference(process: Process, key: str, u: float, printed: Callable[[Set
     if more is not None and less is not None:
         return 0.5 * (more - less)
     if more is None and less is None:
-        limit = f"is too large: no lens is printed if {key} differs by it"
+        limit = f"is too large: no lens is printed if {key} changes by this uncertainty in either direction"
         raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="specify a smaller uncertainty")
     base = printed(process.process)
     return more - base if more is not None else base - np.asarray(less)

@@ -206,7 +206,7 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
     for is_set, option in ((compensate, "--compensate"), (part, "--solid"), (phase, "--phase-px or --choose-phase")):
         if is_set:
             limit = f"must be flat with {option}"
-            raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="omit one of them")
+            raise SpecError("--orientation", value=options.orientation, limit=limit, remedy=f"omit {option}")
 
 
 def _with_response(prediction: PrintedDesign, sensor: Sensor, progress: Progress | None) -> PrintedDesign:

@@ -1,4 +1,4 @@
-"""Print of a lens that varies with height: its face layer by layer, and the benefit that remains after printing.
+"""Print of a lens that varies with height: its face layer by layer, and what printing leaves of its benefit.
 
 A cylindrical lens with the same middle section is printed by the same model, so that both are compared as designed and
 as printed. Compensation changes the drawing of each layer; the walls next to the lens remain as designed.
@@ -83,9 +83,10 @@ class PrintedLayers(Result):
     rms_um
         Deviation of the printed face from the designed face, RMS along the normals.
     deviations
-        Deviations of the first and the last layer, and of those at one half and three quarters of the height.
+        Deviations of the first and the last layer, and of the layers at one half and three quarters of the height.
     compensated_rms_um, compensated_deviations, rounds_um
-        The same for the compensated drawing, and RMS deviation along z after each round; None without compensation.
+        RMS deviation and layer deviations printed from the compensated drawing, and RMS deviation along z after each
+        round; None without compensation.
     drawn_range_um
         Range of the displacement of the compensated drawing from the designed face, along z towards the emitter.
     responses
@@ -261,7 +262,7 @@ def _check_symmetry(settings: Settings) -> None:
     """Raise `SpecError` if opposite walls grow differently, because only one half of the lens is modelled."""
     low, high = growth_range_um(settings)
     if high - low > MAX_ASYMMETRY_UM:
-        condition = f"the growth of walls must not depend on their direction by more than {MAX_ASYMMETRY_UM:g} µm"
+        condition = f"the growth of walls may vary with their direction by at most {MAX_ASYMMETRY_UM:g} µm"
         limit = (
             f"is too asymmetric for a lens that varies with height: {condition}, but is {low:+.3g} to {high:+.3g} µm"
         )

@@ -205,7 +205,7 @@ def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
 
 
 def _read_response(data: Document, what: str, folder: Path) -> None:
-    """Replace the name of the file of a pixel response by its light, and add the file to the sources."""
+    """Replace the file name of a pixel response by the light in that file, and add the file to the sources."""
     table = data.get("process", {}).get("response") if isinstance(data.get("process"), dict) else None
     if not isinstance(table, dict) or "file" not in table:
         return

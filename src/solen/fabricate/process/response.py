@@ -64,8 +64,8 @@ class PixelResponse(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     light: tuple[tuple[Number, ...], ...] = Field(
-        description="samples in any unit, with columns along x and rows along y, both ascending; or instead file, the "
-        "name of a table (.csv, .txt) of samples or of an image with y upwards (.png, .tif)."
+        description="samples in any unit, with columns along x and rows along y, both ascending; instead of light, "
+        "the key file may name a table (.csv, .txt) of samples or an image with y upwards (.png, .tif)."
     )
     pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="Sample spacing in µm.")
     centre_um: tuple[Number, Number] | None = Field(
@@ -102,7 +102,7 @@ class PixelResponse(Strict):
 
     @property
     def hot_pixel(self) -> tuple[int, int, float] | None:
-        """Row and column (from 1) of a probable hot pixel and its ratio to its brightest neighbour; None if none."""
+        """Row and column (from 1) of a probable hot pixel, and its ratio to its brightest neighbour; otherwise None."""
         light = np.array(self.light)
         neighbours = np.ones((3, 3), bool)
         neighbours[1, 1] = False
@@ -131,13 +131,13 @@ class GaussianPixel:
 
     @property
     def fine(self) -> int:
-        """Grid points per pixel that sample the response to rounding errors; `DataError` if the blur is too small."""
+        """Grid points per pixel for an error as small as rounding; raises `DataError` if the blur is too small."""
         width, pixel_um = math.sqrt(-2.0 * math.log(MAX_GAUSSIAN_AMPLITUDE)), max(self.pixels_um)
         required = math.ceil(width * pixel_um / (math.pi * self.blur_um))
         if required > MAX_SUBSAMPLES:
             min_um = width * pixel_um / (math.pi * MAX_SUBSAMPLES)
             limit = f"must be at least {min_um:.2g} µm for pixels of {pixel_um:g} µm"
-            remedy = "increase it: projectors have larger blurs"
+            remedy = "increase sigma_um: projectors have larger blurs"
             raise DataError("process.sigma_um", value=self.blur_um, limit=limit, remedy=remedy)
         return max(required, MIN_SUBSAMPLES)
 
@@ -184,7 +184,7 @@ class MeasuredPixel:
 
     @cached_property
     def blur_um(self) -> float:
-        """Standard deviation of the Gaussian with which the blurred rectangle of a pixel has the same width."""
+        """Standard deviation of the Gaussian that blurs the rectangle of a pixel to the width of the measured light."""
         return math.sqrt(max(self.width_um**2 - _variance_um2(self.pixels_um), 0.0))
 
     @cached_property
@@ -206,7 +206,7 @@ class MeasuredPixel:
 
     @cached_property
     def fine(self) -> int:
-        """Grid points per pixel that represent the response, at most as dense as its samples."""
+        """Number of grid points per pixel that represent the response; at most that of its samples."""
         pixel_um, axes = max(self.pixels_um), ((1.0, 0.0), (0.0, 1.0))
         densest = min(MAX_SUBSAMPLES, math.ceil(pixel_um / self.pitch_um))
         k = math.pi / pixel_um * np.linspace(1.0, 2.0, 32)
@@ -269,14 +269,14 @@ def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float
     """
     if MIN_SAMPLES_PER_PIXEL * response.pitch_um > min(pixels_um):
         max_um = min(pixels_um) / MIN_SAMPLES_PER_PIXEL
-        limit = f"must be at most {max_um:.3g} µm, {MIN_SAMPLES_PER_PIXEL:g} samples per pixel of {min(pixels_um):g} µm"
+        limit = f"must be at most {max_um:.3g} µm: {MIN_SAMPLES_PER_PIXEL:g} samples per pixel of {min(pixels_um):g} µm"
         remedy = "measure the response with a higher magnification"
         raise DataError("process.response.pitch_um", value=response.pitch_um, limit=limit, remedy=remedy)
     pixel = _scaled(response, scale, pixels_um)
     low, high = (ratio * max(pixels_um) for ratio in _WIDTH_RATIOS)
     if not low <= pixel.width_um <= high:
         limit = f"has a standard deviation of {pixel.width_um:.3g} µm, outside {low:.3g} to {high:.3g} µm"
-        remedy = f"check pitch_um and pixel_um, {max(pixels_um):g}; both are in µm"
+        remedy = f"check pitch_um, and pixel_um = {max(pixels_um):g}: both are in µm"
         raise DataError("process.response", limit=limit, remedy=remedy)
     return pixel
 

@@ -49,8 +49,8 @@ class Settings(Strict):
     Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, above which the resin cures.")
     lamp: tuple[tuple[Positive, Positive], ...] = Field(
         (),
-        description="Lines of the lamp: fraction of the light, and absorption relative to the mean at the surface, of "
-        "each, from solen resin cure --penetration; omitted for a single wavelength.",
+        description="Lines of the lamp, each with its fraction of the light and its absorption relative to the mean at "
+        "the surface, from solen resin cure --penetration; omitted for a single wavelength.",
     )
     sigma_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
         15.0,
@@ -241,7 +241,7 @@ class Settings(Strict):
 
     @property
     def min_feature_um(self) -> float:
-        """Half period of a wavy wall printed to `MIN_HEIGHT` of its height; a blur σ keeps exp(−2 (π σ / period)²)."""
+        """Half period of a wavy wall that keeps `MIN_HEIGHT` of its height; a blur σ leaves exp(−2 (π σ / period)²)."""
         return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(MIN_HEIGHT))
 
 

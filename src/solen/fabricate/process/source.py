@@ -116,7 +116,9 @@ def with_printer(process: Process, name: str | None) -> Process:
     low, high = printer.layers_um
     if not low <= layer_um <= high:
         limit = f"must be {low:g} to {high:g} µm for {printer.name}"
-        raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change it, or use another printer")
+        raise DataError(
+            "process.layer_um", value=layer_um, limit=limit, remedy="change layer_um, or use another printer"
+        )
     if not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
         _check_printer(process, name, printer)
     changed = process.with_settings(

@@ -1,4 +1,4 @@
-"""Light at a height of a part: sharp and scattered light of each layer from there on, through the layers in between.
+"""Light at a height of a part: sharp and scattered light of all layers from that height on.
 
 Resin at a height receives the exposures of its own layer and of all later layers, each attenuated by e^(-depth/Dp)
 below the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or for each line separately if the lamp has several

@@ -22,7 +22,7 @@ def read_json(path: Path, units: str | None) -> Drawing:
     where = str(path)
     if units not in (None, "mm"):
         raise DataError(
-            "body.units", value=units, limit="does not apply: an outline in JSON is in mm", remedy="omit it"
+            "body.units", value=units, limit="does not apply: an outline in JSON is in mm", remedy="omit body.units"
         )
     data = parse_json(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:

@@ -371,7 +371,7 @@ def _in_order(plan: Plan, node: str) -> list[GuidePath]:
 
 
 def _smooth(wall: Run, edge: Point, axis: Point, base: Point, inward: Point) -> Bezier:
-    """Return a smooth curve from the edge of a rotated lens, where it is along the lens axis, into a wall."""
+    """Return a smooth curve into a wall from the edge of a rotated lens, where its tangent is along the lens axis."""
     at_end = math.dist(wall.end, edge) < math.dist(wall.start, edge)
     point, u = (wall.end, wall.high) if at_end else (wall.start, wall.low)
     slope = wall.curve.velocity_at(u)

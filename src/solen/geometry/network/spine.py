@@ -112,7 +112,7 @@ class Spine:
         return bent, motion_between(self.start, bent.start, angle_deg)
 
     def _with_turn(self, angle_deg: float) -> "Spine":
-        """Return the line of the same start and length that turns by an additional angle, uniformly along it."""
+        """Return the line with the same start and length that turns uniformly by an additional angle."""
         if self.free is None:
             return replace(self, turn_deg=self.turn_deg + angle_deg)
         return replace(self, bend_deg=self.bend_deg + angle_deg)
