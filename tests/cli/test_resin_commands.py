@@ -245,9 +245,9 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be a string"),
         (
             damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95_loss_dB_per_cm=[-50, -40]),
-            "bad.json: loss_dB_per_cm = -43.0; a guide cannot amplify",
+            "bad.json: loss_dB_per_cm = -43.0; must be at least 0 within its uncertainty",
         ),
-        (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
+        (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; must be 0.0230259 per mm"),
         (damaged("cutback", interval95_loss_dB_per_cm=[1.0]), "bad.json: interval95_loss"),
         (damaged("cure", Dp_um=-181.0), "bad.json: cure.Dp_um = -181.0; must be greater than 0"),
         (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must not have negative"),

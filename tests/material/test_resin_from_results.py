@@ -148,7 +148,7 @@ def test_the_wavelength_of_a_loss_is_selected_or_reported_as_missing() -> None:
 
 
 def test_refuses_inconsistent_loss_and_absorption() -> None:
-    with pytest.raises(DataError, match=r"^absorption_per_mm = 0\.03; 1 dB/cm is 0\.0230259 per mm"):
+    with pytest.raises(DataError, match=r"^absorption_per_mm = 0\.03; must be 0\.0230259 per mm for a loss of 1 dB/cm"):
         CutbackResult(**CUTBACK | {"absorption_per_mm": 0.03})
 
 

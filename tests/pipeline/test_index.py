@@ -360,7 +360,7 @@ def test_the_index_is_compared_with_the_literature(tmp_path: Path) -> None:
     result = index(file, options())
     low, high = result["literature"]["low"], result["literature"]["high"]
     assert all(below < n < above for below, n, above in zip(low, result["n"], high, strict=True))
-    assert not [line for line in result["warnings"] if "the literature of" in line]
+    assert not [line for line in result["warnings"] if "the literature range of" in line]
     assert index(file, options(literature="none"))["literature"] is None
     nm, t = np.array([450.0, 500.0, 860.0]), np.array([0.8473, 0.8685, 0.8889])
     published = index(table(tmp_path, {"wavelength_nm": nm, "T": t}, "three.csv"), options(mode="as-published"))

@@ -89,7 +89,7 @@ def test_warns_of_a_loss_interpreted_as_index(tmp_path: Path) -> None:
     result = evaluate(tmp_path, {"T": t}, **ON_PET)
     assert warns(result, "lossless: k = 0 is assumed, so n is an upper bound")
     assert warns(result, "times the largest")
-    assert warns(result, "above the literature of acrylates and photoresins")
+    assert warns(result, "above the literature range of acrylates and photoresins")
 
 
 @pytest.mark.parametrize(
@@ -186,8 +186,8 @@ def test_refuses_a_formula_that_cannot_describe_the_index(tmp_path: Path) -> Non
 
 def test_the_class_of_polymers_selects_the_literature(tmp_path: Path) -> None:
     r, t = forward(N - 0.08, 5e-5, 25.0, NM)
-    assert warns(evaluate(tmp_path, {"T": t, "R": r}), "below the literature of acrylates and photoresins")
-    assert not warns(evaluate(tmp_path, {"T": t, "R": r}, polymer=("silicone",)), "the literature of")
+    assert warns(evaluate(tmp_path, {"T": t, "R": r}), "below the literature range of acrylates and photoresins")
+    assert not warns(evaluate(tmp_path, {"T": t, "R": r}, polymer=("silicone",)), "the literature range of")
 
 
 def test_the_figure_shows_layer_and_formula(tmp_path: Path) -> None:

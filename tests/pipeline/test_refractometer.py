@@ -41,7 +41,7 @@ def test_knowledge_of_the_material_reduces_the_uncertainty() -> None:
     assert specified["abbe"] == pytest.approx(55)
     assert "of silicones" in silicone["prior"]["source"]
     assert len(silicone["warnings"]) == 1
-    assert any("below the literature of acrylates and photoresins" in line for line in evaluate(1.41)["warnings"])
+    assert any("below the literature range of acrylates and photoresins" in line for line in evaluate(1.41)["warnings"])
 
 
 def test_the_index_for_an_emitter_is_the_mean_over_its_spectrum() -> None:

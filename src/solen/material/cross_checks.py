@@ -23,16 +23,16 @@ MAX_DIFFERENCE_U = 3.0
 MAX_DISTANCE_NM = 20.0
 """Largest difference in wavelength between a k and a loss that are compared."""
 MAX_DP_DIFFERENCE = 0.2
-"""Relative difference tolerated between two penetration depths, because their definitions differ."""
+"""Largest relative difference of two penetration depths that causes no warning: their definitions differ."""
 NM_PER_MM = 1e6
 _DB_PER_CM = 100.0 / math.log(10.0)  # loss in dB/cm at an absorption of 1 per mm
 
 Row = tuple[float, float | None, float | None, float | None]
-"""Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None if unknown."""
+"""Wavelength in nm, k, and the standard uncertainty and upper 95 % bound of k; None if unknown."""
 
 
 def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
-    """Compare the loss implied by a layer's k with the loss measured in guides."""
+    """Return a warning if the loss implied by a layer's k and the loss of guides disagree or cannot be compared."""
     if not rows or loss.u_absorption_per_mm is None:
         return []
     nm = loss.wavelength_nm
@@ -70,7 +70,7 @@ def _levels(row: Row) -> tuple[float, float]:
 
 
 def index_disagreement(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[Caution]:
-    """Compare two indices at the wavelengths that both cover; the warning gives the largest difference."""
+    """Return a warning with the largest difference if two indices disagree at a wavelength that both cover."""
     (low, high), (other_low, other_high) = index.range_nm, other.range_nm
     common = [nm for nm in at_nm if max(low, other_low) <= nm <= min(high, other_high)]
     if not common:
@@ -93,7 +93,7 @@ def _plus_minus(value: FloatArray, u: FloatArray) -> str:
 
 
 def penetration_disagreement(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[Caution]:
-    """Compare the penetration depths of a working curve and of an absorbance."""
+    """Return a warning if the penetration depths from a working curve and from an absorbance disagree."""
     u_curve = math.sqrt(cure.covariance[0][0]) if cure.covariance else 0.0
     u = math.hypot(u_curve, u_Dp_um or 0.0)
     if abs(cure.Dp_um - Dp_um) <= max(MAX_DIFFERENCE_U * u, MAX_DP_DIFFERENCE * cure.Dp_um):

@@ -31,7 +31,7 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
 
 
 def _spectrum_kinds(recording: Recording) -> set[str | None]:
-    """Return the kinds of spectra: T, R, A, or None for any other kind."""
+    """Return the kinds of the spectra in a recording: T, R and A, and None if there is any other kind."""
     axes = {channel.name for channel in recording.channels if channel.quantity == "wavelength"}
     return {kind_of(channel) for channel in recording.channels if channel.axis in axes and channel.name not in axes}
 

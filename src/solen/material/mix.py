@@ -201,7 +201,7 @@ def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
 
 
 def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Return fractions of the whole mixture if the percentages mean grams per 100 g of the first component."""
+    """Return the components with fractions of the whole, from percentages that mean grams per 100 g of the first."""
     base, *others = components
     total = TOTAL_PERCENT + math.fsum(part.percent for part in others)
     parts = (replace(base, percent=TOTAL_PERCENT), *others)
@@ -246,7 +246,7 @@ def with_properties(
 
 
 def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
-    """Return the masses of a mixture.
+    """Return the mixture with the mass to weigh of each component.
 
     Parameters
     ----------

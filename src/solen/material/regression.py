@@ -323,7 +323,7 @@ def _without_effects(x: FloatArray, y: FloatArray, variances: FloatArray) -> Lin
 def _with_effects(
     x: FloatArray, y: FloatArray, noise: FloatArray, effects: Sequence[FloatArray], ratios: Mapping[int, float]
 ) -> LinearFit:
-    """Fit with given ratios of the variances of the effects to that of e, keyed by the number of the effect."""
+    """Fit with random effects; ``ratios`` are variances of effects relative to that of e, keyed by effect number."""
     n, p = x.shape
     parts = [noise, *(effects[number] for number in ratios)]
     shape = noise + sum((ratio * effects[number] for number, ratio in ratios.items()), np.zeros_like(noise))

@@ -216,7 +216,7 @@ def _check_formulation(parts: tuple[Part, ...]) -> None:
     total = sum(part.wt_percent for part in parts)
     if abs(total - TOTAL_PERCENT) > MAX_TOTAL_ERROR_PERCENT:
         limit = f"must add up to {TOTAL_PERCENT:g} % by weight, to within {MAX_TOTAL_ERROR_PERCENT:g} %"
-        remedy = "correct the fractions, which solen resin mix computes"
+        remedy = "correct the fractions of the components"
         raise refused("formulation", limit, value=f"{total:g} %", remedy=remedy)
 
 

@@ -158,7 +158,7 @@ class _Line(_Result):
             return self
         per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
         if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=LOSS_TOLERANCE, abs_tol=LOSS_TOLERANCE):
-            limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
+            limit = f"must be {per_mm:.6g} per mm for a loss of {self.loss_dB_per_cm:g} dB/cm"
             raise refused(
                 "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen resin cutback again"
             )
@@ -179,7 +179,8 @@ class _Line(_Result):
         if self.loss_dB_per_cm >= 0.0:
             return numbers, []
         if interval is None or interval[1] < 0.0:
-            limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
+            limit = "must be at least 0 within its uncertainty, because a guide cannot amplify"
+            remedy = "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
         text = (
             f"the measured loss is negative, {self.loss_dB_per_cm:.2g} dB/cm: 0 is used, but up to {interval[1]:.2g} "
@@ -251,7 +252,7 @@ class PenetrationResult(_Result):
     lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
 
     def as_table(self, selection: Selection = _NO_SELECTION) -> None:
-        """Return nothing: a resin file contains only the Dp of the working curve."""
+        """Return None: a resin file contains only the Dp of the working curve."""
 
 
 class _Model(_Result):

@@ -102,7 +102,8 @@ def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str,
         return ()
     return (
         f"emitter.part {part.name} emits at {part.peak_nm.nominal:g} nm, but the light is traced at the specified "
-        f"{wavelength_nm:g} nm; omit emitter.wavelength_nm and spectrum, or use a part that emits at this wavelength",
+        f"{wavelength_nm:g} nm; omit emitter.wavelength_nm and emitter.spectrum, or use a part that emits at this "
+        "wavelength",
     )
 
 

@@ -128,7 +128,7 @@ class Printer(Sheet):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """Names of the numbers that determine the layers but are only estimates."""
+        """Names of the numbers that determine the layer images but are only estimates."""
         numbers: dict[str, Sourced] = {
             "pixel pitch": self.pitch_um,
             "pixel counts": self.pixels,

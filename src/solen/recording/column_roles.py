@@ -189,7 +189,7 @@ def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
 def by_sensor(names: Sequence[str], label: str, *, single_file: bool) -> dict[str, dict[str, int]]:
     """Return the receivers of each sensor with their indices, from names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
 
-    ``label`` is the file's label; it precedes the sensor's name unless there is a ``single_file``.
+    ``label`` is the file's label; it precedes the sensor's name unless ``single_file`` is true.
     """
     matches = [_SENSOR_AND_RECEIVER.fullmatch(name) for name in names]
     split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]

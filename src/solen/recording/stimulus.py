@@ -55,7 +55,7 @@ class Stimulus:
 
     @property
     def column(self) -> str:
-        """Name of the option for the column; ``--force`` has another meaning."""
+        """Name of the option that selects the column; ``load`` for a force, as ``--force`` has another meaning."""
         return "load" if self.name == "force" else self.name
 
     def near_zero(self, reach: float) -> float:

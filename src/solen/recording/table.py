@@ -153,7 +153,7 @@ def _kind(cells: list[str], name: str) -> str:
 
 
 def recorded(grid: Grid, layout: Layout, table_columns: list[Column], kind: str) -> Recording:
-    """Return the recording of columns, with the entries above and below the table as metadata."""
+    """Return a recording from the columns of a table; its metadata are the entries above and below the table."""
     names = unique([column.head.name for column in table_columns])
     channels = [
         Channel(
@@ -236,7 +236,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Return the channels with their axes: the wavelength on their left, otherwise the time; none for labels."""
+    """Return the channels with their axes: the last wavelength to the left, or the time; labels have no axis."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
@@ -286,7 +286,7 @@ def _in_nm(channel: Channel) -> Channel:
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Return the channels; spectra without a unit get that of a baseline in the table, as in manually edited tables."""
+    """Return the channels; those without unit and quantity get those of a baseline in the table (manual editing)."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [
         channel for channel in channels if channel.unit == "%" and channel.name.casefold().startswith("baseline")

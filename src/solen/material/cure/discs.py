@@ -350,7 +350,7 @@ def _implausible(curve: WorkingCurve) -> list[Caution]:
 
 
 def _exposure_warnings(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
-    """Return warnings if the exposure is outside the doses of the discs, or may not cure through the layer."""
+    """Return warnings if the exposure is outside the range of the discs' doses, or may not cure through the layer."""
     if exposure is None or layer_um is None:
         return []
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2

@@ -148,7 +148,7 @@ class ExposureTrends(Measured, kw_only=True):
 
 
 def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = ExposureOptions()) -> ExposureTrends:
-    """Return the transmittance of layers against exposure at some wavelengths, and their index if R was measured.
+    """Return the transmittance of layers against exposure at the given wavelengths, and their index if R was measured.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class CureFile(Strict):
 
     @property
     def uncertainties(self) -> dict[str, float]:
-        """Standard uncertainties for the spectral cure law; empty for Jacobs' law, which has a covariance."""
+        """Standard uncertainties of Dp and Ec of the spectral law; empty for Jacobs' law, which has a covariance."""
         if not self.values["lamp"] or self.in_lamp is None:
             return {}
         return {"Dp_um": self.in_lamp.u_Dp_um, "Ec_mJ_per_cm2": self.in_lamp.u_Ec_mJ_per_cm2}

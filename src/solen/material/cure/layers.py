@@ -39,7 +39,7 @@ def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray
 
 
 def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per_cm2: float) -> float:
-    """Return how far resin cures into a gap beyond the first of many layers; negative if none does.
+    """Return how far resin cures into a gap beyond the first of many layers; negative if it does not.
 
     The doses of all layers add up in the gap: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more
     than for a single exposure.

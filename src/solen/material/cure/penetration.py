@@ -6,7 +6,7 @@ single Dp describes it. `Attenuation` computes the sum over the lines of the lam
 penetration depth at one depth, and `between_um` the slope of a working curve through discs of two thicknesses.
 
 Only absorption is modelled. The Dp of a working curve also depends on how efficiently each wavelength initiates the
-cure, on bleaching, and on the absorption of the cured resin: the two agree if these effects are small.
+cure, on bleaching, and on the absorption of the cured resin: the two Dp agree if these effects are small.
 
 `penetration_of` evaluates a recording, `penetration_depth_um` converts an absorbance to a depth, and `attenuation`
 describes a lamp's light in a resin.

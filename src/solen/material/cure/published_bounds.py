@@ -41,7 +41,7 @@ PAPER = (
 
 
 def binding(Dp_um: float, statements: Sequence[Statement] = PAPER) -> Statement:
-    """Return the statement that allows the lowest critical dose at a penetration depth."""
+    """Return the statement with the lowest bound on the critical dose at a penetration depth."""
     if not 0.0 < Dp_um < math.inf:
         raise DataError("penetration depth", value=Dp_um, limit="must be above 0 µm")
     return min(statements, key=lambda statement: statement.largest_Ec(Dp_um))

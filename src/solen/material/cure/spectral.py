@@ -30,14 +30,14 @@ Lines = tuple[tuple[float, float], ...]
 ONE_LINE: Lines = ((1.0, 1.0),)
 MAX_LINES = 48
 MIN_LN_RATIO = 2.0
-"""The discs prefer a law if the logarithm of the likelihood ratio is at least this value: 7 to 1."""
+"""Smallest logarithm of the likelihood ratio at which one law is preferred: a ratio of 7 to 1."""
 _MIN_DISCS = 5
 _EXPONENTS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
 _MAX_ITERATIONS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Return the lines of a lamp in a resin, merged into at most `MAX_LINES` lines by their absorption."""
+    """Return the lines of a lamp in a resin; lines with similar absorption are merged into one, `MAX_LINES` at most."""
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MAX_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MAX_LINES - 1)
@@ -122,7 +122,7 @@ class SpectralFit(Result, kw_only=True):
         return float(dose * self.Dp_um / layer_um * (fraction / absorption).sum())
 
     def print_through_um(self, dose: float, layer_um: float) -> float:
-        """Return how far resin cures into a gap beyond the first of many layers; negative if none does."""
+        """Return how far resin cures into a gap beyond the first of many layers; negative if it does not."""
         fraction, absorption = np.array(self.lines).T
         accumulated = fraction / -np.expm1(-absorption * layer_um / self.Dp_um)
         total = float(accumulated.sum())

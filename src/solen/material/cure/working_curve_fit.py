@@ -41,7 +41,7 @@ Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
 """Powers of the thickness that the scatter may follow."""
 MIN_SCATTER_THICKNESS = 0.05
-"""Smallest thickness in the scatter model, as a fraction of the thickest disc: thinner discs scatter no less."""
+"""Thickness, as a fraction of that of the thickest disc, below which the scatter is assumed not to decrease further."""
 MAX_OUTLIER_FRACTION = 0.2
 """Maximum fraction of the discs that may be excluded; one disc may always be excluded."""
 DOSE_RANGE_MJ_PER_CM2, MAX_THICKNESS_UM = (1e-6, 1e9), 1e6

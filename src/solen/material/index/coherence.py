@@ -105,7 +105,7 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
 
 
 def stacked(film: Powers, sheet: tuple[Any, Any, Any] | None, wavelength_nm: Any, setup: Setup | None) -> Readings:
-    """Return the readings for a film from `layer`, free-standing or on a sheet with index, extinction and thickness."""
+    """Return the readings for a film from `layer`, on a sheet (n, k, thickness in µm) or, if None, free-standing."""
     if sheet is None or setup is None:
         return Readings(film.through, film.front)
     n, k, thickness_um = sheet

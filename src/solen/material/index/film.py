@@ -6,8 +6,8 @@ R and T, or a micrometer, separate n from the thickness; the covariance contains
 scatter is estimated from the residuals. The form of n is free only if there are many fringes and the residuals of
 Cauchy's three terms exceed the noise.
 
-Fringes have many nearly equivalent solutions, which differ by one order. Solutions with neighbouring orders are tried;
-an alternative solution contributes to the covariance in proportion to its probability.
+Fringes have many nearly equivalent solutions, whose interference orders differ by one. Solutions with neighbouring
+orders are tried; an alternative solution contributes to the covariance in proportion to its probability.
 
 `fit_film` fits a `Film` to `FilmReadings`.
 """

@@ -69,7 +69,7 @@ def find_fringes(
     optical_um: tuple[float, float],
     mean: FloatArray | None = None,
 ) -> list[Phase]:
-    """Return interpretations of the fringes in a spectrum, the best first; none if noise or a band explains them.
+    """Return interpretations of the fringes in a spectrum, the best first; none if noise or absorption explains them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Forward model of a layer in air and its inverse with fifty digits, for one wavelength, by the formulas as published.
+"""Forward model of a layer in air, and its inverse, at one wavelength: the published formulas, with fifty digits.
 
 With fifty digits, rounding errors are negligible; the code is not optimised for speed. `forward` in
 `solen.material.index.stack` and `solen.material.index.inversion` are tested against it.

@@ -165,7 +165,8 @@ def index_in(spectrum: IndexSpectrum, light: Illuminant) -> EvaluatedIndex:
 def formula_in(model: Dispersion, light: Illuminant) -> EvaluatedIndex:
     """Return the mean index for light, from a formula.
 
-    The uncertainty is the mean over the wavelengths of the light, for fully correlated errors, which is nearly exact.
+    The uncertainty is the weighted mean of u(n) over the wavelengths of the light, which assumes that the errors are
+    fully correlated; this is nearly exact.
     """
     inside, result = _inside(light, *model.range_nm, "the formula is valid")
     if result.reason:

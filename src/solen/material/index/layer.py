@@ -89,7 +89,7 @@ class LayerIndex(Measured, kw_only=True):
     led
         n for the light of the requested emitter.
     fit_at, fit_led
-        The same indices from the formula.
+        n at the requested wavelengths and for the light of the requested emitter, from the fitted formula.
     traces
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n

@@ -36,7 +36,7 @@ class Points:
 
     @property
     def weights(self) -> FloatArray:
-        """Factors of the residuals."""
+        """Factors by which the residuals are multiplied: 1/u, or 1 if u is unknown."""
         return np.ones_like(self.n) if self.u is None else 1 / self.u
 
 

@@ -301,16 +301,16 @@ def check_index(
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     return [
         warning(
-            f"n = {values[i]:.4f}{u_text} at {nm[i]:g} nm is {distance:.3f} {side} the literature of {names}, "
-            f"{low[i]:.3f} ({literature.lowest[i]}) to {high[i]:.3f} ({literature.highest[i]}), and "
-            f"{int(outside.sum())} of {int(np.isfinite(excess).sum())} wavelengths are outside it: check the baseline, "
+            f"n = {values[i]:.4f}{u_text} at {nm[i]:g} nm is {distance:.3f} {side} the literature range of {names}, "
+            f"{low[i]:.3f} ({literature.lowest[i]}) to {high[i]:.3f} ({literature.highest[i]}), and outside this range "
+            f"at {int(outside.sum())} of {int(np.isfinite(excess).sum())} wavelengths: check the baseline, "
             "the kind of absorbance, R, and whether a loss was interpreted as reflection"
         )
     ]
 
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
-    """Return n(low) − n(high), in ascending order, of all entries with several wavelengths whose range has both."""
+    """Return n(low) − n(high), in ascending order, of all entries with several wavelengths that cover both."""
     curves = [curve_of(material, package=package) for material in materials() if len(material.n) > 1]
     falls = np.array([np.subtract(*curve([low_nm, high_nm])) for curve in curves])
     return np.sort(falls[np.isfinite(falls)])

@@ -31,7 +31,7 @@ ASSUMED_U = 0.003
 THREE_SIGMAS = 0.99730020393674
 """Fraction of a normal distribution within three standard deviations."""
 STRONG_K, POSSIBLE_N = 0.1, 0.8
-"""An index down to 0.8 occurs close to absorption bands with k above 0.1, and not elsewhere."""
+"""A second index is possible if k and the second index exceed these values: close to strong absorption bands only."""
 ROUNDING = 1e-12
 """Rounding error of R, T and k."""
 
@@ -74,14 +74,14 @@ UNRESOLVED = (Reason.SMALL, Reason.NEGATIVE, Reason.BELOW)
 
 
 def n_codes(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, index: AirInversion) -> Codes:
-    """Return the code of the reason why n is masked at each wavelength, `Reason.NONE` where it is not.
+    """Return, for each wavelength, the code of the reason why n is masked; `Reason.NONE` where n is not masked.
 
     Parameters
     ----------
     reflectance, transmittance
         R and T.
     u_sum
-        Uncertainty of R + T; where it is NaN, `ASSUMED_U` is assumed for each.
+        Uncertainty of R + T; where it is NaN, an uncertainty of `ASSUMED_U` is assumed for both R and T.
     index
         The result of the inversion.
     """
@@ -98,7 +98,7 @@ def n_codes(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined,
 
 
 def k_codes(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArray, u_t: Combined) -> Codes:
-    """Return the code of the reason why k is masked at each wavelength; a second index that fits is not a reason.
+    """Return, for each wavelength, the code of the reason why k is masked; a second index that fits is not a reason.
 
     If the uncertainty is unknown, k is not tested against it.
     """
@@ -155,7 +155,7 @@ def mask_warnings(name: str, codes: Codes, other: Codes | None = None) -> list[C
 
 
 def _violates_energy(excess: FloatArray, u_sum: Combined) -> BoolArray:
-    """Return where R + T exceeds 1 by more than its uncertainty explains."""
+    """Return a mask of the points at which R + T exceeds 1 by more than its uncertainty explains."""
     violates = _exceeds(excess, u_sum, THREE_SIGMAS)
     if violates.sum() > _expected_by_chance(excess):
         return violates
@@ -163,12 +163,12 @@ def _violates_energy(excess: FloatArray, u_sum: Combined) -> BoolArray:
 
 
 def _expected_by_chance(values: FloatArray) -> int:
-    """Return the number of points above three uncertainties that noise alone exceeds in one spectrum of a thousand."""
+    """Return the number of points above three uncertainties that is exceeded in 0.1 % of spectra with noise alone."""
     return int(np.ceil(pdtrik(0.999, max(int(np.isfinite(values).sum()), 1) * 0.5 * (1.0 - THREE_SIGMAS))))
 
 
 def _strict_level(values: FloatArray) -> float:
-    """Return the level that noise exceeds in one spectrum of a hundred, at least that of three uncertainties."""
+    """Return the coverage, at least `THREE_SIGMAS`, of the limit that noise exceeds in one spectrum of a hundred."""
     return max(THREE_SIGMAS, 1.0 - 0.02 / max(int(np.isfinite(values).sum()), 1))
 
 

@@ -147,7 +147,7 @@ class IndexOptions(RowOptions):
         """Reject an incomplete measurement of a bare substrate."""
         if self.substrate is not None or self.u_substrate_n is not None:
             limit = "cannot be combined with traces of the bare substrate, which determine its index"
-            raise refused("substrate", limit, remedy="omit --substrate and --u-substrate-n, or the traces")
+            raise refused("substrate", limit, remedy="omit --substrate and --u-substrate-n, or these traces")
         for name in ("bare_transmittance", "bare_reflectance", "transmittance", "reflectance"):
             if not getattr(self, name):
                 raise refused(name, "is missing", remedy="name T and R of both the layer and its bare substrate")

@@ -76,7 +76,7 @@ class Reading:
     warnings: tuple[Caution, ...] = ()
 
     def contributions(self, slope: FloatArray | float) -> list[Contribution]:
-        """Return the contributions to the uncertainty of a quantity with this derivative; NaN if unknown."""
+        """Return the contributions to the uncertainty of a quantity whose derivative is ``slope``; NaN if unknown."""
         factor = 1.0 if self.known else np.nan
         u_repeats, u_accuracy = self.u_common
         with np.errstate(invalid="ignore"):  # slopes may be infinite where no light is transmitted

@@ -9,10 +9,10 @@
 - **lossless**: T alone, assuming k = 0: T = 2n/(n² + 1). Absorption or scattering in the layer increases this n.
 
 `measured` and `lossless` accept a `Setup` for a layer on its substrate. Near n = 1.5 on PET, an error of 0.001 in R
-changes n by 0.009, an error of 0.1 % in T changes the lossless n by as much, and an error in the substrate's index
-causes an equal error in n, because the reflectance of the layer is measured relative to that of the bare substrate. An
-index on a substrate is masked if it cannot be distinguished from the second one that fits the same readings, or if k is
-significantly below 0.
+changes n by 0.009, an error of 0.1 % in T changes the lossless n by the same amount, and an error in the substrate's
+index causes an equal error in n, because the reflectance of the layer is measured relative to that of the bare
+substrate. An index on a substrate is masked if it cannot be distinguished from the second index that fits the same
+readings, or if k is significantly below 0.
 
 `measured`, `absorptance`, `as_published` and `lossless` return an `IndexSpectrum`; `extinction_on_substrate` evaluates
 a layer with a known index; and `is_absorbance` detects an absorbance that was used as an absorptance.

@@ -25,7 +25,8 @@ class Estimate:
     scatter
         The same as u_random, but not widened for few repeats, because many wavelengths determine the scatter.
     common
-        As in `solen.material.index.reading.Combined`, shape (parts, n).
+        Signed errors common to all wavelengths, shape (parts, n): the covariance of two wavelengths is the sum of the
+        products of their errors over the parts.
     codes
         Codes of `solen.material.index.masks.Reason`; values that are masked as not resolved keep their uncertainty.
     """

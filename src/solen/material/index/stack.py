@@ -11,11 +11,11 @@ one pass, the result is
 the bare substrate reports the ratio to that reading, which is above 1 for a lossless layer on PET, because the layer
 acts as an antireflection coating.
 
-`forward` models a single layer in air, `incoherent` any layers, and `on_substrate` the instrument readings for a layer
-on a substrate, as described by a `Setup`. The model assumes normal incidence, thick layers without fringes, no
-scattering, and k ≪ n, so that an interface absorbs no light. All functions broadcast and are analytic in their
-arguments, so that the complex-step method gives exact derivatives. The inverse is in `solen.material.index.inversion`
-and `solen.material.index.substrate`.
+`forward` models a single layer in air, `incoherent` one or more layers in air, and `on_substrate` the instrument
+readings for a layer on a substrate, as described by a `Setup`. The model assumes normal incidence, thick layers without
+fringes, no scattering, and k ≪ n, so that an interface absorbs no light. All functions broadcast and are analytic in
+their arguments, so that the complex-step method gives exact derivatives. The inverse is in
+`solen.material.index.inversion` and `solen.material.index.substrate`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -173,7 +173,7 @@ class Setup:
 
     @property
     def u(self) -> Mapping[str, ArrayLike]:
-        """Standard uncertainties of the sheet, keyed like the derivatives of an inversion."""
+        """Standard uncertainties of the sheet, with the keys ``sheet_n``, ``sheet_k`` and ``sheet_um``."""
         sheet = self.substrate
         return {"sheet_n": sheet.u_n, "sheet_k": sheet.u_k, "sheet_um": sheet.u_thickness_um}
 

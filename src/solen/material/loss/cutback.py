@@ -142,11 +142,12 @@ class GuideLoss(Line, Measured, kw_only=True):
     start_dB
         Mean start over the orientations.
     by_orientation
-        Line of each orientation with a slope of its own; empty without orientations, or if there are too few pieces.
+        Line of each orientation with a separate slope; empty without orientations, or if there are too few pieces.
     p_orientation
-        Probability of slopes this different if orientation has no effect; None with fewer than two orientations.
+        Probability of slopes at least this different if orientation has no effect; None with fewer than two.
     p_curved, curvature_dB_per_cm2
-        Probability of this curvature by chance, and the second derivative; None if there are too few lengths or pieces.
+        Probability of at least this curvature by chance, and the second derivative of the level; None with too few
+        lengths or pieces.
     points
         All pieces, including outliers.
     outliers, with_outliers
@@ -159,7 +160,7 @@ class GuideLoss(Line, Measured, kw_only=True):
     power_unit
         Unit of the readings; None if they are proportional to power, without a unit.
     dark
-        Reading without light, in that unit; None if it is not specified.
+        Reading without light, in `power_unit`; None if it is not specified.
     falls_with_light
         Whether light lowers the readings.
     """
@@ -315,7 +316,7 @@ def _line(
 
 
 def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> tuple[tuple[Line, ...], float | None]:
-    """Return the line of each orientation, and the probability of slopes this different by chance."""
+    """Return the line of each orientation, and the probability of slopes at least this different by chance."""
     orientations, sloped, design = table.orientations(keep), table.sloped(keep), table.separate_slopes(keep)
     if orientations == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
         return (), None
@@ -337,7 +338,7 @@ def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> t
 
 
 def _wald_p(fit: LinearFit, contrasts: FloatArray) -> float:
-    """Return the probability of contrasts this far from 0 by chance (Wald's F test)."""
+    """Return the probability of contrasts at least this far from 0 by chance (Wald's F test)."""
     differences = contrasts @ fit.parameters
     variance = contrasts @ fit.covariance @ contrasts.T
     if not fit.sigma > 0.0:
@@ -347,7 +348,7 @@ def _wald_p(fit: LinearFit, contrasts: FloatArray) -> float:
 
 
 def _curvature(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
-    """Return the probability of this curvature by chance, and the second derivative of the level; None if unknown."""
+    """Return the probability of at least this curvature by chance, and the second derivative; None if unknown."""
     design, cm = table.separate_slopes(keep), table.cm[keep]
     quadratic = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= quadratic.shape[1] or np.linalg.matrix_rank(quadratic) < quadratic.shape[1]:
@@ -444,7 +445,8 @@ def _orientation_warnings(loss: GuideLoss) -> list[Caution]:
     orientations = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
     evaluated = {line.orientation for line in loss.by_orientation}
     if missing := [orientation for orientation in orientations if orientation not in evaluated]:
-        warnings.append(warning(f"too few lengths or pieces for a separate loss: {', '.join(missing)}"))
+        text = f"orientations with too few lengths or pieces for a separate loss: {', '.join(missing)}"
+        warnings.append(warning(text))
     if loss.p_orientation is None:
         return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
@@ -465,6 +467,9 @@ def _orientation_warnings(loss: GuideLoss) -> list[Caution]:
     single = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if single:
         warnings.append(
-            warning(f"only one guide was built {', '.join(single)}: the comparison is between guides, not orientations")
+            warning(
+                f"orientations with only one guide: {', '.join(single)}; differences in loss may be differences "
+                "between guides, not orientations"
+            )
         )
     return warnings

@@ -213,7 +213,7 @@ def _mode_in_file(recording: Recording, specimen: Specimen) -> TestMode | None:
 
 
 def _preload(metadata: Mapping[str, str]) -> str:
-    """Return the preload above zero in the words of the file; an empty string without one."""
+    """Return the entry for the preload as written in the file; empty if there is none or the preload is 0."""
     for heading, text in metadata.items():
         if any(word in heading.casefold() for word in ("vorkraft", "pre-load", "preload", "vorlast")):
             digits = "".join(c if c.isdigit() or c in ".,-" else " " for c in text).replace(",", ".").split()

@@ -50,7 +50,7 @@ class Scatter:
 
 
 def effective_points(points: int, lag_one: float) -> float:
-    """Return the number of independent points, at least one, that are equivalent to points with a correlation."""
+    """Return the number of independent points, at least 1, equivalent to points with the lag-one correlation given."""
     return max(points * (1 - lag_one) / (1 + lag_one), 1.0)
 
 
@@ -120,7 +120,7 @@ def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> fl
 
 
 def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:
-    """Return tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
+    """Return tr(M S M V)/tr(M V) with M = I − QQᵀ, without computing an n × n matrix for n points."""
     points = sum(len(q) for q in basis)
     correlated = [_correlated(q, lag_one) for q in basis]
     qvq = _gram(basis, correlated)

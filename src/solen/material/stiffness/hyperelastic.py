@@ -40,7 +40,7 @@ _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
 _MAX_POWER = 30.0  # bound of |α|
 _MAX_STARTS = 12  # number of starts that are refined
 _MAX_CONVERGED = 3  # number of starts that are refined to convergence
-_MAX_EVALUATIONS = 400  # maximum number for each start
+_MAX_EVALUATIONS = 400  # maximum number of function evaluations for each start
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,7 +155,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     if len(groups) > 1:
         text = (
             f"the modulus and the model apply only to {labels[0]}; "
-            f"groups contains the results of all {len(labels)} materials"
+            f"the list groups contains the results of all {len(labels)} materials"
         )
         warnings = (*warnings, note(text))
     sources = {specimen.recording.provenance.sha256: specimen.recording.provenance for specimen in specimens}
