@@ -89,7 +89,7 @@ def test_a_gap_of_the_index_is_reported() -> None:
 
 
 def test_refuses_an_index_at_fewer_than_two_wavelengths() -> None:
-    with pytest.raises(DataError, match=r"^n; is known at 1 wavelengths, .* at least 2"):
+    with pytest.raises(DataError, match=r"^n; must be known at 2 or more wavelengths, not at 1"):
         IndexResult(**spectrum([None, 1.5, None])).as_table()
 
 

@@ -397,7 +397,7 @@ def test_exposures_yield_the_index_if_reflectance_was_measured(tmp_path: Path) -
     ("name", "text", "line"),
     [
         ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "contains no exposure"),
-        ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend requires at least two"),
+        ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "must be at least 2 for a trend"),
         ("a.csv", "wavelength_nm,x 2 s (%T),x 4 s (%T)\n600,90,80\n601,91,82\n", "450 or 500 or 860 nm"),
     ],
 )

@@ -107,7 +107,7 @@ class Weighed:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Components for one meaning of the percentages, and the index of the liquid; None if it cannot be estimated."""
+    """Components for one meaning of the percentages, and the liquid's index, None if it cannot be estimated."""
 
     components: tuple[Weighed, ...]
     index_estimate: float | None

@@ -39,7 +39,7 @@ _ROUNDING = 1e-10  # residuals below this fraction of the data are rounding erro
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Variance components: derivatives of the covariance of β by them, (k, p, p), and their covariance, (k, k)."""
+    """For k variance components: derivatives of the covariance of β, (k, p, p), and covariance of the components."""
 
     gradients: FloatArray
     covariance: FloatArray
@@ -53,7 +53,7 @@ class Components:
 
 @dataclass(frozen=True, eq=False)
 class Sandwich:
-    """A covariance from the residuals.
+    """Covariance of β, estimated from the residuals.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ def group_numbers(labels: Sequence[Hashable]) -> IndexArray:
 
 
 def _distinguishable(projected: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool:
-    """Whether each covariance has a projection that X does not represent, and no two projections are the same."""
+    """Whether X fully represents none of the covariances ``parts``, and their projections are linearly independent."""
     if any(np.abs(a).max() <= _ROUNDING * np.abs(part).max() for a, part in zip(projected, parts, strict=True)):
         return False
     units = [a / np.linalg.norm(a) for a in projected]

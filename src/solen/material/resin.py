@@ -43,7 +43,7 @@ RESIN_MIGRATIONS: Migrations = {}  # old version -> function that converts its t
 MAX_LOSS_DISTANCE_NM = 20.0
 """Largest difference between the emitter's wavelength and that of the loss measurement that causes no warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")
-"""Tables from measurements, which may have warnings."""
+"""Tables that are determined from measurements and may contain warnings."""
 
 Interval = tuple[Number, Number]
 

@@ -25,7 +25,7 @@ from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Te
 
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
 LOSS_TOLERANCE = 1e-6
-"""Tolerance between a loss in dB/cm and the absorption coefficient stored with it, relative and per mm."""
+"""Tolerance, relative and in 1/mm, between an absorption coefficient and the loss in dB/cm stored with it."""
 
 
 class Selection(Options):
@@ -123,8 +123,8 @@ class IndexResult(_Result):
         rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
         known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
         if len({nm for nm, _, _ in known}) < 2:
-            limit = f"is known at {len(known)} wavelengths, but a resin needs at least 2"
-            raise DataError("n", limit=limit, remedy="see reason in the file")
+            limit = f"must be known at 2 or more wavelengths, not at {len(known)}"
+            raise DataError("n", limit=limit, remedy="see the reasons for the missing values under reason in the file")
         wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
         without_u = [nm for nm, _, u in known if u is None]

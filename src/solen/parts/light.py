@@ -108,7 +108,7 @@ def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str,
 
 
 def gaussian_lines(peak_nm: float, fwhm_nm: float) -> tuple[tuple[float, float], ...]:
-    """Return five spectral lines for a Gaussian spectrum, exact for polynomials in the wavelength up to degree 9."""
+    """Return five lines over which the mean of any polynomial up to degree 9 is that over a Gaussian spectrum."""
     sigma = fwhm_nm / FWHM_PER_SIGMA
     sides = [(sign * step, weight) for step, weight in HERMITE_NODES for sign in ((-1.0, 1.0) if step else (1.0,))]
     return tuple((peak_nm + sigma * step, weight) for step, weight in sorted(sides))

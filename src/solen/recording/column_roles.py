@@ -163,7 +163,7 @@ def is_companion(name: str) -> bool:
 
 
 def companion(recording: Recording, channel: Channel, kind: str) -> Channel | None:
-    """Return the column, ``ambient`` or ``clipped``, that accompanies a receiver column: ``left_ambient``."""
+    """Return the ``ambient`` or ``clipped`` column that accompanies a receiver column, such as ``left_ambient``."""
     name = ENDS_IN_V.sub("", channel.name)
     return recording.find(f"{kind}_{name}", f"{name}_{kind}")
 

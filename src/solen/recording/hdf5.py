@@ -3,8 +3,8 @@
 Datasets become arrays named after their paths. netCDF contains the unit of each dataset (``units``) and the column
 names of a table (the coordinate of its second dimension); attributes become parameters.
 
-A file with a time in each of several groups contains several recordings; solen bench writes one for each sensor. Files
-are never loaded into memory completely.
+A file with a time in each of several groups contains several recordings; solen bench writes a group for each sensor.
+Files are never loaded into memory completely.
 
 Public names: `groups`, `read`, `is_netcdf3` and `read_netcdf3`.
 """

@@ -109,7 +109,7 @@ def _are_consecutive(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
 
 
 def _file_header(source: Source, texts: Sequence[str]) -> dict[str, str]:
-    """Return the entries of the file's header by key."""
+    """Return the entries of the file's header, keyed by name."""
     entries: dict[str, str] = {}
     for number, text in enumerate(texts, 1):
         if text.startswith(END):

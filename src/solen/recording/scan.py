@@ -145,15 +145,15 @@ def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> No
 
 
 def _largest_usual(counts: Counter[int]) -> int:
-    """Return the largest number of digits that is not rare."""
+    """Return the largest number of digits that occurs often or, if none does, the largest number."""
     return max((count for count, times in counts.items() if times >= _MIN_COUNT), default=max(counts, default=0))
 
 
 def isolated(values: FloatArray) -> IndexArray:
     """Return the indices of values far from both neighbours, which agree; at an end, from the two nearest values.
 
-    The distance is that from the mean of the neighbours. It must exceed fifty times its median, a twentieth of the
-    larger neighbour, and ten times the difference of the neighbours.
+    The distance of such a value from the mean of its neighbours exceeds fifty times the median distance of all values,
+    a twentieth of the larger neighbour, and ten times the difference of the neighbours.
     """
     if values.size < 8:
         return np.array([], dtype=int)

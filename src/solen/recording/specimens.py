@@ -95,7 +95,7 @@ def specimens(grid: Grid) -> list[Table]:
 
 
 def _stacked(grid: Grid) -> Iterator[_Block]:
-    """Yield the tables of a test, one below the other."""
+    """Yield the tables in the rows of a file, from top to bottom."""
     row = 0
     while row < len(grid.rows) - _MIN_ROWS:
         end = row + 2

@@ -76,7 +76,7 @@ def check_rows(grid: Grid, layout: Layout) -> None:
             raise grid.error(row, expected, f"is outside the {expected} columns of the header")
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
-            limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: the line is incomplete"
+            limit = f"has {count} cell{'s' * (count != 1)}, but the header has {expected}: the line is incomplete"
             raise grid.error(row, None, limit, "restore the line, with a separator for each empty cell")
 
 

@@ -170,7 +170,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     )
     seconds = np.array([layer.exposure_s for layer in layers])
     if (exposures := len(set(seconds.tolist()))) < 2:
-        raise DataError("number of exposures", value=exposures, limit="a trend requires at least two")
+        raise DataError("number of exposures", value=exposures, limit="must be at least 2 for a trend")
     wavelengths = [
         _at_wavelength(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)
     ]

@@ -39,7 +39,7 @@ from solen.results import HIDDEN, Result, reported
 
 Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
-"""Powers of the thickness that the scatter may follow."""
+"""Exponents of the power laws by which the scatter may grow with thickness, keyed by scatter model."""
 MIN_SCATTER_THICKNESS = 0.05
 """Thickness, as a fraction of that of the thickest disc, below which the scatter is assumed not to decrease further."""
 MAX_OUTLIER_FRACTION = 0.2

@@ -186,7 +186,7 @@ def fit_levels(measured: FilmReadings, start_n: float) -> Film:
 
 
 def _best_order(model: FilmModel, p: FloatArray) -> FloatArray:
-    """Return the solution that no neighbouring order improves; adjacent orders differ very little in dispersion."""
+    """Change the interference order until no neighbouring order fits better, and return the solution."""
     p, cost = model.solve(p, 6)
     for _ in range(_MAX_ROUNDS):
         neighbours = [model.solve(model.shifted_order(p, by), 4) for by in _ORDERS]

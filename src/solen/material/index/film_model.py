@@ -48,7 +48,7 @@ class FilmReadings:
     wavelength_nm
         Wavelengths in ascending order, shape (n,).
     readings
-        ``T``, ``R`` or both.
+        Readings keyed ``T``, ``R`` or both.
     thickness
         Thickness from a micrometer; None if it was not measured.
     slit_nm

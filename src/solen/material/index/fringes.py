@@ -136,7 +136,7 @@ def _detrended(values: FloatArray) -> FloatArray:
 def _periodogram(
     um: FloatArray, u: FloatArray, signal: FloatArray, optical_um: tuple[float, float]
 ) -> list[tuple[float, float, float]]:
-    """Return log probability minus its limit, n·h, and rise of each of the strongest periods not explained by noise."""
+    """Return the strongest periods that noise does not explain: log10 of probability over its limit, n·h, and rise."""
     span = abs(2.0 / um[0] - 2.0 / um[-1])
     optical = np.arange(max(optical_um[0], _MIN_FRINGES / span), optical_um[1], 0.2 / span)
     total, df = float(signal @ signal), (um.size - _DEGREE - 3) / 2.0
@@ -153,7 +153,7 @@ def _periodogram(
 
 
 def _refined(um: FloatArray, u: FloatArray, signal: FloatArray, optical: float, rise: float) -> Phase:
-    """Return the period, close to a coarse one, whose cosine with smoothly varying amplitude fits the signal best."""
+    """Return the phase, close to coarse values, of the best-fitting cosine with smoothly varying amplitude."""
     envelope = np.stack([np.ones_like(u), u, u**2])
 
     def explained_and_sign(nh: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:

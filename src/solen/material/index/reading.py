@@ -53,7 +53,7 @@ class Reading:
     value
         Mean of the repeats as a fraction, shape (n,).
     u_random
-        Standard error of the scatter from wavelength to wavelength, shape (n,).
+        Standard error of the mean due to scatter from wavelength to wavelength, shape (n,).
     u_common
         Standard errors common to all wavelengths, from repeats and from the specified accuracy, shape (2, n).
     df, df_random

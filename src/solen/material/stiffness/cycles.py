@@ -152,7 +152,7 @@ def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
 
 
 def softening(cycles: Sequence[Cycle]) -> Softening | None:
-    """Return the change from the first to the last cycle; None for a single cycle, or if the last strain is smaller."""
+    """Return the change from the first to the last cycle; None for a single cycle or a lower last strain."""
     if len(cycles) < 2:
         return None
     first, last = cycles[0], cycles[-1]

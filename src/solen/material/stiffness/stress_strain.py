@@ -169,7 +169,7 @@ def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Fl
     if not complete.all():
         row = int(np.flatnonzero(~complete)[0]) + 1
         limit = f"has no value in {int((~complete).sum())} of {count} rows, the first of which is row {row}"
-        raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export again")
+        raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export the test again")
     if count < _MIN_POINTS:
         limit = f"must be at least {_MIN_POINTS}"
         raise DataError(f"{name}: number of points", value=count, limit=limit, remedy="export all points")

@@ -85,7 +85,7 @@ def measure(mode: Mode, strain: FloatArray) -> FloatArray:
 
 
 def _compensated(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
-    """Return the toe from the line through the steps after it, by iteration, as the measure depends on the zero."""
+    """Return the toe from a line through the two steps after it, iterated because the measure depends on the zero."""
     shift, u_shift, slope = 0.0, 0.0, 0.0
     end: int | None = None
     for _ in range(_MAX_ITERATIONS):
@@ -110,7 +110,7 @@ def _compensated(test: StressStrain, strain: FloatArray, stress: FloatArray, ste
 
 
 def _steps(stress: FloatArray) -> list[slice]:
-    """Return the rows of equal steps of stress during loading, with a minimum number of rows each."""
+    """Return the rows of equal steps of stress during loading; a step with too few rows is joined to the next."""
     highest = np.maximum.accumulate(stress)
     edges = np.searchsorted(highest, np.linspace(0, float(highest[-1]), _STEPS + 1)[1 : _MAX_TOE_STEPS + 4])
     steps, start = [], 0
