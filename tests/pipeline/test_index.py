@@ -306,7 +306,7 @@ def test_different_wavelengths_are_interpolated_and_reported(tmp_path: Path) -> 
     rows += [f"{a},{t},{a + 5},{r}" for a, t, r in zip(NM, T, shifted_r, strict=True)]
     file.write_text("\n".join(rows) + "\n", encoding="utf-8")
     result = index(file, options())
-    assert "R has different wavelengths" in only_warning(result, "different wavelengths")
+    assert "R: wavelengths differ" in only_warning(result, "wavelengths differ")
     assert result["reason"][0] == f"n, k: {Reason.MISSING.words}"
     assert np.abs(np.array(result["n"][1:], dtype=float) - N[1:]).max() < 1e-4
 

@@ -59,7 +59,7 @@ def build_resin(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     for name, option in _REQUIRED_RESULTS.items():
         if (value := getattr(options, name)) and option not in results:
             limit = f"requires --{option}"
-            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=limit, remedy="add it")
+            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=limit, remedy=f"add --{option}")
     if not (results or options.formulation):
         remedy = f"add {', '.join(f'--{option}' for option in READERS if option != 'penetration')} or --formulation"
         raise SpecError("solen resin build", limit="has no data to write", remedy=remedy)

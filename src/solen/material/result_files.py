@@ -203,7 +203,9 @@ class CutbackResult(_Line):
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
             limit = (
-                f"is not in the result, whose orientations are {', '.join(lines)}" if lines else "is not in the result"
+                f"is not in the result, whose orientations are {', '.join(lines)}"
+                if lines
+                else "is not in the result, which contains no loss of a single orientation"
             )
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, warnings = (lines[orientation] if orientation else self).numbers()

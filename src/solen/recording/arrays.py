@@ -85,7 +85,7 @@ def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> lis
     if len(fitting) != 1:
         shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)
         limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it contains {shapes}"
-        raise source.error("", limit, "name each column of the matrix, in order")
+        raise source.error("", limit, "name all columns of one of these matrices, in order")
     return [replace(fitting[0], columns=tuple(names))]
 
 

@@ -74,10 +74,8 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     for kind, group in traces.items():
         differing = [name for name, (trace_nm, _) in zip(names[kind], group, strict=True) if not _same(nm, trace_nm)]
         if differing:
-            text = (
-                "different wavelengths from the first trace: interpolated linearly, masked outside the measured range"
-            )
-            warnings.append(warning(f"{', '.join(differing)} has {text}"))
+            text = "wavelengths differ from those of the first trace: interpolated linearly, masked outside their range"
+            warnings.append(warning(f"{', '.join(differing)}: {text}"))
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in channels}
     others = [spectrum.channel for spectrum in available if spectrum.channel.name not in used]
@@ -110,7 +108,7 @@ def _named(
             actual = kind_of(recording.channel(name)) or kind
             if name not in by_name or actual != kind:
                 limit = f"is a trace of {actual}" if actual != kind else "has no wavelengths"
-                remedy = f"name it with {OPTIONS[actual]}" if actual != kind else "name another"
+                remedy = f"name it with {OPTIONS[actual]}" if actual != kind else "name another trace"
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])
         if len(set(names)) < len(names):

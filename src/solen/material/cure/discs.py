@@ -65,9 +65,10 @@ class CureOptions(RowOptions):
             raise refused("exposure_s", "requires the irradiance", remedy="add --irradiance-mW-per-cm2")
         if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
             name = "layers" if self.layers is not None else "burn_in_layers"
-            raise refused(name, "requires --exposure-s", remedy="add it")
+            raise refused(name, "requires --exposure-s", remedy="add --exposure-s")
         if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
-            raise refused("burn_in_layers", "requires --burn-in-s, and both must be above 0", value=self.burn_in_layers)
+            limit = "must be above 0 if, and only if, --burn-in-s is specified"
+            raise refused("burn_in_layers", limit, value=self.burn_in_layers)
         if self.layers is not None and self.burn_in_layers > self.layers:
             raise refused("burn_in_layers", f"must be at most --layers, {self.layers}", value=self.burn_in_layers)
         return self

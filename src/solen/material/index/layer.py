@@ -246,7 +246,8 @@ def _from_fringes(
         )
     if not phases:
         if options.mode == MODE:
-            raise SpecError("--mode", value=MODE, limit="requires fringes, but none were detected", remedy="omit it")
+            limit = "requires fringes, but none were detected"
+            raise SpecError("--mode", value=MODE, limit=limit, remedy="omit --mode")
         return None, None
     if options.mode in {"measured", "lossless"}:
         amplitude = np.sqrt(2.0) * phases[0].amplitude

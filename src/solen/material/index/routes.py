@@ -357,7 +357,7 @@ def _contributions(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, Arra
 def _k_bounds(
     result: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return 95 % bounds of k: 0 and the 95 % quantile of a normal error truncated at 0 where k is not resolved."""
+    """Return the 95 % bounds of k: both if k is resolved, 0 and an upper one if not, only a lower one if T may be 0."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
         truncated = result - u * ndtri(0.05 * ndtr(result / u))
