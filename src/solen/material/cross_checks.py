@@ -32,7 +32,7 @@ Row = tuple[float, float | None, float | None, float | None]
 
 
 def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
-    """Return a warning if the loss implied by a layer's k and the loss of guides disagree or cannot be compared."""
+    """Return a warning if a layer's k implies another loss than that of guides, or if their wavelength is unknown."""
     if not rows or loss.u_absorption_per_mm is None:
         return []
     nm = loss.wavelength_nm

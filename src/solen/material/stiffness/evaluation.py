@@ -282,7 +282,7 @@ def _curvature_note(test: StressStrain, modulus: Young) -> Caution | None:
     difference = f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'}"
     return note(
         f"over {100 * low:.3g} to {100 * high:.3g} % strain, the slope of an ideal rubber is {difference} than its "
-        "modulus at zero strain: expect a similar difference between this modulus and the initial modulus of a model"
+        "modulus at zero strain: expect the modulus over this range to differ similarly from a model's initial modulus"
     )
 
 

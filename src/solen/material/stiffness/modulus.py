@@ -120,7 +120,7 @@ def default_range(test: StressStrain, cycle: str = "first") -> Range:
 
     In tension it is 0.05 to 0.25 %, as in ISO 527-1, if this range contains eight points and determines the modulus to
     2 %; otherwise, and in compression, the first of 2 to 10 %, 5 to 25 % and 0 to 50 % that contains eight points;
-    otherwise the range of the first five points.
+    otherwise 0 to the fifth lowest strain.
     """
     candidates = _COMPRESSION if test.loading == "compression" else _TENSION
     for candidate in candidates:
