@@ -91,7 +91,7 @@ def test_the_sensitivity_of_receivers_varies_by_a_factor_of_three() -> None:
         ("[peak_nm]", "[peak]", "peak; unknown key"),
         ('basis = "measured"\nsource = "goniometer"', 'source = "goniometer"', "pattern.basis; missing"),
         ('basis = "measured"\nsource = "goniometer"', 'basis = "guess"\nsource = "x"', "pattern.basis = 'guess'"),
-        ("[0, 45, 90]", "[0, 45]", "pattern.relative; has 3 values, but must have as many as angle_deg, 2"),
+        ("[0, 45, 90]", "[0, 45]", "pattern.relative; has 3 values, but must have 2, as many as angle_deg"),
         ("[0, 45, 90]", "[5, 45, 90]", "angles must be in ascending order from 0"),
         ("[0, 45, 90]", "[0, 90, 45]", "angles must be in ascending order from 0"),
         ("[1, 0.6, 0]", "[0, 0, 0]", "cannot all be 0"),

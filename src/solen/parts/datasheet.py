@@ -100,7 +100,7 @@ class SpectrumPart(Sourced):
 
 def _check_lengths(key: str, positions: tuple[float, ...], relative: tuple[float, ...]) -> None:
     if len(relative) != len(positions):
-        raise refused("relative", f"has {len(relative)} values, but must have as many as {key}, {len(positions)}")
+        raise refused("relative", f"has {len(relative)} values, but must have {len(positions)}, as many as {key}")
 
 
 class AdcRange(Sourced):

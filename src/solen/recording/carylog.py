@@ -83,7 +83,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
 
 
 def _settings(block: list[str]) -> dict[str, str]:
-    """Return the settings of a block, keyed by name, including changes of the method."""
+    """Return the settings in the lines of a block, keyed by name; of a repeated name, the first setting."""
     settings: dict[str, str] = {}
     for line in block:
         for form in (_BRACKETED, _COLON, _WIDE):

@@ -81,7 +81,7 @@ class CureFile(Strict):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Process parameters keyed by name, from the spectral cure law unless the discs prefer Jacobs' law."""
+        """Process parameters keyed by name, from the spectral cure law unless Jacobs' law fits the discs better."""
         if self.in_lamp is not None and self.in_lamp.preferred != "Jacobs":
             law = self.in_lamp
             return {"Dp_um": law.Dp_um, "Ec_mJ_per_cm2": law.Ec_mJ_per_cm2, "lamp": law.lamp_lines}

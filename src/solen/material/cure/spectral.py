@@ -102,7 +102,7 @@ class SpectralFit(Result, kw_only=True):
 
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
-        """The law that the discs prefer; None if the discs fit both laws about equally well."""
+        """The law that fits the discs better; None if both laws fit about equally well."""
         if abs(self.ln_likelihood_ratio) < MIN_LN_RATIO:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"

@@ -121,7 +121,7 @@ class FilmModel:
         return float(residuals @ residuals)
 
     def blurred(self, p: FloatArray, slit: float) -> FloatArray:
-        """Return the parameters with a slit width and the best thickness variation of a small grid."""
+        """Return the parameters with the slit width given and the best-fitting thickness variation of a small grid."""
         if not self.coherent:
             return p
         phase = 4.0 * np.pi * self.optical_um * np.sqrt(self.centre)

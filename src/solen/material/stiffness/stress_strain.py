@@ -217,7 +217,7 @@ def _loading(
         limit = f"is {signs}, which may be tension or compression"
         raise DataError(name, limit=limit, remedy="specify --mode tension or --mode compression")
     if strain_sign < 0:
-        return "compression", (f"compression, inferred from its signs: {signs}",), ()
+        return "compression", (f"compression, inferred from the signs: {signs}",), ()
     warnings: tuple[Caution, ...] = ()
     if is_inferred:
         warnings = (
@@ -226,7 +226,7 @@ def _loading(
                 "compression test, specify --mode compression"
             ),
         )
-    return "tension", (f"tension, inferred from its signs: {signs}",), warnings
+    return "tension", (f"tension, inferred from the signs: {signs}",), warnings
 
 
 def _both_directions(
@@ -234,5 +234,5 @@ def _both_directions(
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
         remedy = "specify --mode, or change the sign of one column"
-        raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)
-    return "both", ("tension and compression in one file, inferred from its signs",), ()
+        raise DataError(name, limit="has stress and strain of opposite signs on both sides of zero", remedy=remedy)
+    return "both", ("tension and compression in one file, inferred from the signs",), ()
