@@ -195,7 +195,7 @@ def test_reports_use_of_resin_without_index(shell: Shell) -> None:
     assert shell.json("resin", "show", "./r.toml")["at"][0]["n"] is None
     Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     line = shell.refused("check", "sensor.toml", "--set", "material.resin=r.toml")
-    assert line.startswith("resin dose only: index at 860 nm; the resin has none; add [index]")
+    assert line.startswith("resin dose only: index at 860 nm; is unknown: the resin has no index; add [index]")
     assert "no index to draw" in shell.refused("resin", "show", "./r.toml", "--figure", "r.png")
 
 
@@ -224,11 +224,11 @@ def file_with(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         ),
         (
             lambda: ["--index", "cure.json"],
-            "cure.json: kind = 'cure'; --index takes index or refractometer; use it with",
+            "cure.json: kind = 'cure'; must be index or refractometer for --index; use the file with",
         ),
-        (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; use it with"),
+        (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; must be cure for --cure; use the file with"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),
-        (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
+        (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; must be cure for --cure"),
         (file_with(b"{}"), "bad.json: kind; ... solen resin index --out"),
         (file_with(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
         (file_with(b'{"kind": "index", '), "bad.json: JSON; not valid JSON: Expecting property name"),

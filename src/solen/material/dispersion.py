@@ -152,7 +152,7 @@ class Dispersion(Strict, ABC):
         low, high = self.range_nm
         if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
             limit = (
-                f"is known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
+                f"is known only from {low:g} to {high:g} nm" if high < math.inf else "requires a wavelength above 0 nm"
             )
             remedy = "choose a wavelength inside this range, or use data that include it"
             raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
@@ -176,7 +176,8 @@ class Unknown(Dispersion):
     kind: Literal["unknown"] = "unknown"
 
     def _refuse_outside(self, wavelength_nm: float) -> None:
-        limit, remedy = "the resin has none", "add [index], for example with solen resin build --index"
+        limit = "is unknown: the resin has no index"
+        remedy = "add [index], for example with solen resin build --index"
         raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
     def _data_range_nm(self) -> tuple[float, float]:

@@ -347,6 +347,6 @@ def result_of(text: str, option: str) -> Reader:
     kind, reader = data.pop("kind"), READERS[option]
     if kind not in reader.kinds:
         matching = next((name for name, other in READERS.items() if kind in other.kinds), None)
-        remedy = f"use it with --{matching}" if matching else ""
-        raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
+        remedy = f"use the file with --{matching}" if matching else ""
+        raise DataError("kind", value=kind, limit=f"must be {' or '.join(reader.kinds)} for --{option}", remedy=remedy)
     return reader(**data)

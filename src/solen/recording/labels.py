@@ -60,7 +60,7 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
     fields = _FIELD.findall(pattern)
     invalid = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
     if not fields or invalid is not None:
-        limit = "has no field" if invalid is None else f"has the field {{{invalid}}}, which is not a single name"
+        limit = "has no field" if invalid is None else f"has the field {{{invalid}}}, which is repeated or not a name"
         remedy = "write a field as in {sensor}_{lens}_{run}.csv"
         raise SpecError("--pattern", value=pattern, limit=limit, remedy=remedy)
     parts = _FIELD.split(pattern)

@@ -77,7 +77,9 @@ def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, sha
     if u is not None:
         complete &= np.isfinite(u)
         if (u[complete] <= 0).any():
-            raise DataError("u_n", value=float(u[complete].min()), limit="must be above 0", remedy="omit it if unknown")
+            raise DataError(
+                "u_n", value=float(u[complete].min()), limit="must be above 0", remedy="omit u_n if unknown"
+            )
     if (nm[complete] <= 0).any():
         raise DataError("wavelength", value=float(nm[complete].min()), limit="must be above 0 nm")
     order = np.flatnonzero(complete)[np.argsort(nm[complete], kind="stable")]
