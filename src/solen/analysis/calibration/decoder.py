@@ -434,7 +434,7 @@ def _fraction(part: FloatArray, total: FloatArray) -> FloatArray:
 def _crossing(density: FloatArray, grid: FloatArray, point: IndexArray, side: int, height: FloatArray) -> FloatArray:
     """Return the angle at which the density, past the outermost point above a height, falls to this height.
 
-    If that point is an end of the grid, it is the angle.
+    If that point is an end of the grid, its angle is returned.
     """
     rows = np.arange(len(grid))
     following = np.clip(point + side, 0, grid.shape[1] - 1)

@@ -156,7 +156,7 @@ def _over_full_range(sensor: SensorResponse, u_end: float) -> Passes:
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Return the samples of all runs between two angles that are not clipped, and the rails as in `Training`."""
+    """Return the samples of all runs between two angles that are not clipped, and the rails (2, 2)."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     for run in sensor.runs:

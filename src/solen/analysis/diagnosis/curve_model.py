@@ -1,8 +1,9 @@
 """Model of a recording's mean curves: its parameters with their priors, and the receiver voltages.
 
 Light I lowers the voltage of a receiver by gain times I, until the transistor saturates. Saturation follows
-`solen.readout.load_line`, and is modelled only if the circuit is known. Without light, the voltage is 0 if the voltage
-without the emitter was subtracted, otherwise the supply voltage; an offset for each receiver accounts for both cases.
+`solen.readout.transistor.load_line`, and is modelled only if the circuit is known. Without light, the voltage is 0 if
+the voltage without the emitter was subtracted, otherwise the supply voltage; an offset for each receiver accounts for
+both cases.
 
 Public name: `Model`.
 """
@@ -37,7 +38,7 @@ class LoadLines:
     Attributes
     ----------
     supply_V, saturation_V, knee_V
-        As in `solen.readout.load_line`.
+        Supply voltage, saturation voltage of the transistors, and width of the knee above it.
     ambient_drop_V
         Voltage drop of each receiver due to ambient light, (r,).
     """

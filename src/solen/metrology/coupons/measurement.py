@@ -83,7 +83,7 @@ class CouponMeasurement(Result):
     limits
         The smallest resolved features.
     discs
-        Fits of the round features that are present, by name.
+        Fits of the round features that are present, keyed by name.
     """
 
     coupon: str
@@ -107,7 +107,7 @@ class CouponMeasurement(Result):
 
     @reported
     def minimum(self) -> dict[str, Limit]:
-        """The smallest resolved features, by kind."""
+        """The smallest resolved features, keyed by kind."""
         return {limit.kind: limit for limit in self.limits}
 
     @reported
