@@ -125,7 +125,7 @@ class CubicChain(Curve):
         return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """Return the derivatives (N, 2) of `points` by their parameter, mm; at a joint, those of the following piece."""
+        """Return the derivatives (N, 2) of `points` by their parameter, mm; at a joint, that of the following piece."""
         n = len(self.controls)
         index = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - index)[:, None]

@@ -89,7 +89,7 @@ def _check(names: Sequence[str], results: Sequence[tuple[FloatArray, Decoded]]) 
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Merge several parts; at least one of them must contain a reading."""
+    """Return the check results of several parts taken together; at least one part must contain a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 

@@ -33,9 +33,9 @@ _POINTS = 64  # number of points of the grid of an interval
 _BATCH = 512  # readings
 _MAX_PIECES = 4000
 _MAX_SAGITTA = 0.1  # largest distance of the curve from its straight pieces, in standard deviations
-_MIN_PROBABILITY = 0.01  # of an interval that is reported
-_MARGIN = 1e-6  # of an interval, as a fraction of a piece
-_MIN_LENGTH = 1e-9  # of a piece, in standard deviations
+_MIN_PROBABILITY = 0.01  # smallest probability of an interval that is reported
+_MARGIN = 1e-6  # margin at the ends of an interval, as a fraction of a piece
+_MIN_LENGTH = 1e-9  # smallest length of a piece, in standard deviations
 _MAX_LOG_DROP = 200.0  # a reading whose log-likelihood is lower by more is compared with all segments
 
 
@@ -454,7 +454,7 @@ def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def _joined(parts: list[Decoded]) -> Decoded:
-    """Concatenate parts."""
+    """Concatenate the decoded angles of successive batches of readings."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])
