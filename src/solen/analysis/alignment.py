@@ -182,7 +182,7 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Fit a line; return the standard uncertainty at the midpoint, and the slope with its standard uncertainty."""
+        """Fit a line to the shifts over time; return its uncertainty at ``middle_s``, its slope, and the slope's u."""
         return _line(self.time_s - middle_s, self.shift, self.weight)
 
 

@@ -30,7 +30,7 @@ class Setting:
     Attributes
     ----------
     case
-        The set of parts.
+        Set of parts: ``dimmest``, ``typical`` or ``brightest``.
     volts_bright, volts_dark
         Lowest and highest reading over the motion.
     used

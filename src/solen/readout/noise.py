@@ -66,7 +66,7 @@ def noise(
 
 
 def analogue_V(circuit: Circuit, line: LoadLine, temperature_C: Floats) -> tuple[FloatArray, FloatArray]:
-    """Return the shot and the thermal noise (..., R) in V on a load line."""
+    """Return the shot and the thermal noise (..., R) in V at the operating points ``line``."""
     bandwidth_hz, load = circuit.noise_bandwidth_hz, np.array(circuit.load_ohm)
     shot_A = np.sqrt(2.0 * CHARGE_C * 1e-3 * line.collector_mA * (1.0 + circuit.transistor.gain) * bandwidth_hz)
     kelvin = np.asarray(temperature_C, dtype=float) + ZERO_K

@@ -26,8 +26,8 @@ _OHM = 1e3  # with this load, a photocurrent in mA is numerically the voltage dr
 MAX_U_LOSS = 0.05
 """Largest useful uncertainty of the loss along the path, as a fraction of the light."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
-"""Positions in a cell, in standard deviations of the position, whose mean approximates that over the cell (Chebyshev
-quadrature).
+"""Positions in a cell, in standard deviations of the position: the mean of a function at these positions approximates
+its mean over the cell (Chebyshev quadrature).
 """
 
 

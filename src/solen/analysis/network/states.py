@@ -31,7 +31,7 @@ SEGMENTS = 6
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Stops in a recording.
+    """Stops in a recording, with the angles and the mean readings at each stop.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ EDGE_BLURS = 5.0
 MAX_OFFSET_MM = 0.12
 """Largest distance of a feature from its nominal position."""
 CLIP_HEIGHT = 0.9
-"""Fraction of the lowest column's height; columns of a height map are separated up to this height."""
+"""Height up to which the columns in a height map are separated, as a fraction of the lowest column's height."""
 MIN_BLUR_RADIUS_PX = 8.0
 """Radius in pixels above which a disc determines the blur."""
 MAX_BLUR_PX = 8.0
