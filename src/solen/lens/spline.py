@@ -221,4 +221,4 @@ class SplineLens(DeviatingLens, eq=True):
 
 
 DesignedLens = OvalLens | SplineLens
-"""A lens that is printed with one profile, the same at every height or at mid-height."""
+"""A designed lens with one profile: that at every height or, if the lens varies with height, that at mid-height."""

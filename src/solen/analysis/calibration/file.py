@@ -322,7 +322,7 @@ def differences(file: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _driven_load(drives: str | None) -> str | None:
-    """Return the name of the driven finger, pull or clamp; driving its depth or force is the same motion."""
+    """Return the name of the driven finger, pull or clamp, without whether its depth or its force is driven."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

@@ -90,7 +90,7 @@ class Training:
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Return the mean over the cycles, ignoring NaN; a direction without readings is replaced by the other one."""
+    """Return the mean over the cycles, ignoring NaN; a missing value is replaced by that of the other direction."""
     finite = np.isfinite(cycles_V)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(finite, cycles_V, 0.0).sum(axis=0) / finite.sum(axis=0)
