@@ -200,6 +200,6 @@ def _names(folder: Path) -> Iterator[str]:
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
         if file.is_symlink():
-            raise DataError(f"{folder}: {name}", limit="is a symbolic link", remedy="replace it with the file")
+            raise DataError(f"{folder}: {name}", limit="is a symbolic link", remedy="replace the link with the file")
         if not file.is_dir():
             yield name

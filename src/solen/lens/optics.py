@@ -205,7 +205,7 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.design_index",
                 value=self.design_index,
-                limit=f"must be above {self.outside_index:g}, the index outside, for the lens to focus",
+                limit=f"must be above {self.outside_index:g}, the index in front of the lens, for the lens to focus",
                 remedy="increase it",
             )
 

@@ -139,7 +139,7 @@ def read_height_map(
         )
     else:
         raise DataError(
-            file, limit="is neither a TIFF nor a table of numbers", remedy="export the heights as one of these"
+            file, limit="is neither a TIFF nor a table of numbers", remedy="export a TIFF or a table of the heights"
         )
     valid = np.isfinite(levels)
     if valid.mean() < MIN_VALID:

@@ -126,7 +126,8 @@ def training_of(sensor: SensorResponse, *, full_range: bool = False) -> Training
     first, last = max(flag_runs(known), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
     if last - first < _MIN_COMMON_POINTS:
         limit = f"has no range of {sensor.stimulus.plural} in which both receivers have readings"
-        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="inspect it with solen bench analyse --figure")
+        remedy = "inspect the curves with solen bench analyse --figure"
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
     angle = sweeps.angle_deg[first:last]
     samples, rails = _samples(sensor, sides, (float(angle[0]) - u_end, float(angle[-1]) + u_end))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)

@@ -216,7 +216,7 @@ def _check(sensor: SensorResponse, cycles: Cycles, sides: Sequence[str]) -> None
             limit = (
                 f"has {valid} angles that every cycle reaches unclipped, but a diagnosis requires at least {MIN_ANGLES}"
             )
-            remedy = "record a wider range or lower voltages, or use a smaller --step-deg"
+            remedy = "record a wider range of angles without clipping, or use a smaller --step-deg"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 

@@ -185,7 +185,7 @@ def _check_kind(coupon: Coupon, image: Image | HeightMap, file: str) -> None:
     sizes = {pillar.diameter_mm for pillar in coupon.of_kind("pillar")}
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
         limit = f"cannot be measured: the coupon {coupon.name} varies only in height, which an image does not show"
-        raise DataError(file, limit=limit, remedy="use a height map, and set --z-um to the height of one of its levels")
+        raise DataError(file, limit=limit, remedy="use a height map, and set --z-um to the height of one level")
 
 
 @dataclass(frozen=True, eq=False)
