@@ -236,7 +236,7 @@ class CubicChain(Curve):
             yield ray.distance(control[3]) + fraction * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, start: ChainPoint, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Yield the distances to hits on the piece from which the ray starts and on the next piece in one direction."""
+        """Yield the distances to intersections with the piece on which the ray starts and the next in one direction."""
         origin = point_at(self.pieces[start.piece].control, start.v)
         rest = ray.offset(origin)
         before, after = (start.v, 1.0 - start.v) if forwards else (1.0 - start.v, start.v)

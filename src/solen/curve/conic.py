@@ -191,7 +191,7 @@ class Conic(Curve):
         return 1.0 - (1.0 + self.conic_constant) * (self.curvature_per_mm * lateral_mm) ** 2
 
     def _tangent(self, lateral: float, depth: float) -> Point:
-        """Return a vector (r, w) towards increasing r: 1 − (1 + K) c w, which is 0 at the widest point, and c r."""
+        """Return a tangent vector (1 − (1 + K) c w, c r), towards increasing r; its r is 0 at the widest point."""
         c = self.curvature_per_mm
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 

@@ -267,7 +267,7 @@ class _Posterior:
 
     @classmethod
     def of(cls, problem: _Problem, fit: _Placed, count: float) -> "_Posterior":
-        """Integrate over the magnitude of the form error."""
+        """Return the posterior about a fit, integrated over the magnitude of the form error."""
         precision, change = np.diag(problem.precision), fit.values - problem.prior
         means, covariances, logs = [], [], []
         for form in _FORMS_MM:

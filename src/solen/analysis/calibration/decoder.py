@@ -172,7 +172,7 @@ class Decoder:
         return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
 
     def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Return the standard deviation of decoded angles due to the noise of a single reading, (n,)."""
+        """Return the standard deviation (n,) of angles decoded near ``angle_deg`` (n,), from the noise of a reading."""
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:

@@ -200,7 +200,7 @@ def diagnosed(
 
 
 def spacing_deg(sensor: SensorResponse) -> float:
-    """Return the median angle between samples of the coarsest recording."""
+    """Return the median angle between successive samples, for the recording in which it is largest."""
     spacings = []
     for run in sensor.runs:
         angle = run.signals.angle_deg
