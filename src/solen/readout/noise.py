@@ -58,7 +58,10 @@ def noise(
     ambient_mW_cm2: Floats = 0.0,
     temperature_C: Floats = REFERENCE_C,
 ) -> Noise:
-    """Return the noise at power fractions (..., R), in ambient light and at temperatures that broadcast with them."""
+    """Return the noise at power fractions (..., R).
+
+    ``ambient_mW_cm2`` and ``temperature_C`` are a single number, one per row (...,), or one per reading (..., R).
+    """
     line = circuit.load_line(circuit.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
     shot, thermal = analogue_V(circuit, line, temperature_C)
     ones = np.ones_like(line.volts)

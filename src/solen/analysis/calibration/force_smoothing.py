@@ -29,7 +29,10 @@ _MIN_DEPARTURE = 3.5  # distance from a level, in units of the noise, at which a
 
 
 def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:
-    """Return the sensor with averaged forces, and the standard uncertainty of a hold; if noise is low, itself and 0."""
+    """Return the sensor with averaged forces, and the standard uncertainty of a hold.
+
+    If the noise is low, return the sensor unchanged, and 0.
+    """
     limits = [_MAX_NOISE * (run.motion.high_deg - run.motion.low_deg) for run in sensor.runs]
     pairs = list(zip(sensor.runs, limits, strict=True))
     if sensor.stimulus is not FORCE or all(run.motion.noise_deg < limit for run, limit in pairs):

@@ -111,7 +111,7 @@ def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
 
 
 def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
-    """Return limit (i), (ii) or that of open holes: the smallest size from which all features are resolved.
+    """Return limit (i), (ii) or that of open holes: the smallest size at or above which all features are resolved.
 
     Return None if the image shows no feature of the kind.
     """
