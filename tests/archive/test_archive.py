@@ -215,7 +215,7 @@ def _with_design_outside(files: dict[str, bytes]) -> None:
         (_renamed("files/aux.svg"), "device"),
         (_renamed("FILES/OWN.toml"), "two files"),
         (lambda files: files.pop("files/figure.svg"), "missing"),
-        (lambda files: files.update(more=b"?"), "not described"),
+        (lambda files: files.update(more=b"?"), "not listed"),
         (lambda files: files.update({"files/figure.svg": b"<svg>"}), "checksum"),
         (lambda files: files.update({"files/figure.svg": b"0" * 10_000_000}), "checksum"),
         (_with_entry("contentSize", 10**13), "MB"),

@@ -40,7 +40,7 @@ _BINS = 512
 _MAX_PIECES, _BINS_PER_PIECE = 32, 2.5  # pieces of a mean curve, each with this many bins sampled in both directions
 _SPEED_NOISES, _SPEED_STEPS = 25.0, 5.0  # movement over which a speed is measured, in units of noise and of steps
 _TOLERANCE = 0.02  # largest deviation of a level from a multiple of the encoder step, in steps
-_MAX_DIVISOR = 12  # most encoder steps in the smallest difference of two levels
+_MAX_DIVISOR = 12  # largest number of encoder steps in the smallest difference between two levels
 _PARTS = 8  # number of parts of the range for which separate lags are fitted
 _MAX_ITERATIONS = 12
 _MIN_SPEED = 0.15  # smallest speed of a motion, relative to the median speed
@@ -182,13 +182,13 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Fit a line; return the standard uncertainty at the midpoint, and the slope with its standard uncertainty."""
+        """Fit a line to the shifts over time; return its uncertainty at ``middle_s``, its slope, and the slope's u."""
         return _line(self.time_s - middle_s, self.shift, self.weight)
 
 
 @dataclass(frozen=True, eq=False)
 class _Overlay:
-    """Times, voltages and averaging time of a recording; times, angles and motion of a log."""
+    """A recording (times, voltages and averaging time) and the log (times, angles and motion) to align with it."""
 
     time_s: FloatArray
     volts: FloatArray

@@ -71,13 +71,13 @@ class ReceiverResponse(Curve):
     repeatability_V, repeatability_percent
         Standard deviation over cycles at the same angle and in the same direction, pooled.
     drift_V_per_min, u_drift_V_per_min, drift_V_per_cycle, u_drift_V_per_cycle
-        Slope of the mean levels of the cycles.
+        Slope of the mean levels of the cycles, against time and against the cycle number.
     noise_V
         Standard deviation of a reading.
     snr, snr_dB
-        Range over noise.
+        Ratio of the range to the noise.
     resolution_deg, resolution_near_zero_deg
-        Noise over sensitivity.
+        Ratio of the noise to the sensitivity.
     clipped_samples
         Number of clipped samples.
     clipped_angles_deg

@@ -28,7 +28,7 @@ _MAX_GRID_POINTS = 1 << 20
 _MIN_AUTOCORRELATION = 0.5  # smallest autocorrelation after one cycle
 _MIN_CORRELATION = 0.7  # smallest correlation of a cycle with the protocol, relative to that of the best cycle
 _BINS = 40
-_MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
+_MEDIAN_OF_SQUARES = 0.4549  # median of the square of a normal variable with variance 1
 _MAX_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that the angle may leave unexplained
 _SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 

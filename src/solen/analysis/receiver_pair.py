@@ -90,7 +90,7 @@ def pair_response(
     Parameters
     ----------
     passes
-        Passes of the sensor.
+        Half-cycles of the sensor.
     sides
         Indices of the left and the right receiver.
     noise_V
@@ -98,7 +98,7 @@ def pair_response(
     dark_V
         Voltage without light, required for ratios of light.
     near_zero
-        As in `receiver_response`.
+        Half-width of the range about 0 in which the sensitivity near zero is computed.
     """
     left, right = sides
     difference = Passes(

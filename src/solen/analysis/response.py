@@ -27,7 +27,7 @@ _MAX_OUTSIDE = 0.25  # fraction of a step by which a grid point may be outside t
 
 @dataclass(frozen=True, eq=False)
 class Passes:
-    """Half-cycles at the angles of a grid.
+    """Voltages in the rising and the falling half of each cycle, interpolated at the angles of a grid.
 
     Attributes
     ----------

@@ -226,7 +226,7 @@ class Signals:
     ambient_V
         Mean ambient light that was subtracted, keyed by side; empty if not recorded.
     stimulus, cell
-        As in `Waveforms`.
+        Quantity in ``angle_deg``, and the load cell that measured the force; None if not specified.
     """
 
     label: str

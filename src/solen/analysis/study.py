@@ -37,7 +37,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without a lens, and the swing without in per cent of that with."""
+    """Mean swings of a receiver with and without a lens, and the latter in per cent of the former."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -280,7 +280,7 @@ def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dic
 
 
 def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Path, _Part]]:
-    """Yield the recordings in all files, by emitter, one after the other."""
+    """Yield the recordings in all files, in order; a recording with several emitters is divided into one for each."""
     elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
     for index, path in enumerate(files):
         fields = {} if options.pattern is None else labels(path, options.pattern)

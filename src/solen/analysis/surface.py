@@ -1,4 +1,4 @@
-"""Smooth surfaces through values on a grid of several motions: tensor products of cubic splines.
+"""Interpolation of values on a grid of several motions by tensor-product cubic splines.
 
 Public name: `Surface`.
 """

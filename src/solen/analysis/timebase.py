@@ -90,7 +90,7 @@ def _disorder_warning(time_s: FloatArray, order: IndexArray, steps: FloatArray, 
     if -steps[worst] > _MAX_BACK_STEPS * step_s or back.size > _MAX_BACK_FRACTION * order.size:
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
-        raise DataError(name, limit=limit, remedy="split the file there, or export it with a single continuous clock")
+        raise DataError(name, limit=limit, remedy="split the file at this jump, or export it with one continuous clock")
     return warning(
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
     )

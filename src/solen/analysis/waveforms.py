@@ -168,7 +168,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
 
 
 def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveforms:
-    """Return the centred moving mean of each receiver, if requested."""
+    """Return the samples with voltages averaged over a centred moving window; unchanged unless this is requested."""
     if options.smooth_ms is None:
         return samples
     max_ms = 1e3 * _MAX_MEAN_SPAN * float(samples.time_s[-1] - samples.time_s[0])

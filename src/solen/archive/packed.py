@@ -111,7 +111,7 @@ def pack(
     ----------
     design
         The design file. Files named by this design, or by any other design or rig in the archive, are added; a file
-        from outside the design folder is put into the folder ``files``, and the design then names it there.
+        from outside the design folder is put into the folder ``files``, and its name in the design is changed.
     further
         Files, and folders with all their files except hidden files: print settings, images, recordings, calibrations,
         figures.

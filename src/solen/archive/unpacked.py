@@ -109,8 +109,8 @@ def _check_complete(archive: Path, described: list[str], present: set[str]) -> N
     if len(set(described)) < len(described):
         raise DataError(str(archive), limit="describes two files with the same path", remedy=PACK_AGAIN)
     for paths, limit in (
-        (set(described) - present, "is described but missing"),
-        (present - set(described), "is not described"),
+        (set(described) - present, "is listed in the archive's metadata but is missing"),
+        (present - set(described), "is not listed in the archive's metadata"),
     ):
         if paths:
             raise DataError(f"{archive}: {min(paths)}", limit=limit, remedy=PACK_AGAIN)
@@ -200,6 +200,6 @@ def _names(folder: Path) -> Iterator[str]:
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
         if file.is_symlink():
-            raise DataError(f"{folder}: {name}", limit="is a symbolic link", remedy="replace it with the file")
+            raise DataError(f"{folder}: {name}", limit="is a symbolic link", remedy="replace the link with the file")
         if not file.is_dir():
             yield name

@@ -75,29 +75,29 @@ class Arc(Curve):
         return min(0.5 * abs(self.sweep_deg), 180.0)
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]."""
         angle = np.radians(self.start_deg + u * self.sweep_deg)
         x, z = self.center
         return np.column_stack([x + self.radius_mm * np.cos(angle), z + self.radius_mm * np.sin(angle)])
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm."""
         angle = np.radians(self.start_deg + u * self.sweep_deg)
         per_u = self.radius_mm * math.radians(self.sweep_deg)
         return np.column_stack([-per_u * np.sin(angle), per_u * np.cos(angle)])
 
     def part(self, u_from: float, u_to: float) -> "Arc":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         start_deg = self.start_deg + u_from * self.sweep_deg
         return replace(self, start_deg=start_deg, sweep_deg=(u_to - u_from) * self.sweep_deg)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`."""
+        """Return the left unit normal at a point of the curve."""
         outward = unit(minus(point, self.center))
         return (-outward[0], -outward[1]) if self.sweep_deg > 0 else outward
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         from_center = minus(origin, self.center)
         half_b = dot(from_center, direction)
         rest = dot(from_center, from_center) - self.radius_mm**2
@@ -113,12 +113,12 @@ class Arc(Curve):
         return tuple(t for t in roots if t > 0.0 and self._holds(along(origin, direction, t)))
 
     def moved(self, motion: Rigid) -> "Arc":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         turn_deg = math.degrees(math.atan2(motion.sin, motion.cos))
         return replace(self, center=motion.point(self.center), start_deg=self.start_deg + turn_deg)
 
     def reversed(self) -> "Arc":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return replace(self, start_deg=self.start_deg + self.sweep_deg, sweep_deg=-self.sweep_deg)
 
     def _holds(self, point: Point) -> bool:

@@ -107,16 +107,16 @@ class CubicChain(Curve):
 
     @property
     def start(self) -> Point:
-        """See :attr:`Curve.start`."""
+        """First point, mm."""
         return self.controls[0][0]
 
     @property
     def end(self) -> Point:
-        """See :attr:`Curve.end`."""
+        """Last point, mm."""
         return self.controls[-1][3]
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`; each cubic spans an equal part of the parameter range."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]; each cubic has an equal part of it."""
         n = len(self.controls)
         index = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - index)[:, None]
@@ -125,7 +125,7 @@ class CubicChain(Curve):
         return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`; at a joint, the velocity of the following piece."""
+        """Return the derivatives (N, 2) of `points` by their parameter, mm; at a joint, that of the following piece."""
         n = len(self.controls)
         index = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - index)[:, None]
@@ -148,7 +148,10 @@ class CubicChain(Curve):
         return tuple(controls)
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
-        """See :meth:`Curve.flattened`; a piece deviates from its chord by at most 3/4 as much as its handles do."""
+        """Return a polyline (N, 2) that deviates from the curve by at most ``tolerance_mm``.
+
+        A piece deviates from its chord by at most 3/4 as much as its handles do.
+        """
         waiting = [piece.control for piece in reversed(self.pieces)]
         points = [self.start]
         while waiting:
@@ -163,12 +166,12 @@ class CubicChain(Curve):
         return np.array(points)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`; at a corner, the normal of one of the two pieces."""
+        """Return the left unit normal at a point of the curve; at a corner, the normal of one of the two pieces."""
         nearest = self._nearest(point)
         return left_of(tangent_at(self.pieces[nearest.piece].control, nearest.v))
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         ray = Ray(origin, direction)
         sides = self._sides(ray)
         values: list[float] = []
@@ -233,7 +236,7 @@ class CubicChain(Curve):
             yield ray.distance(control[3]) + fraction * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, start: ChainPoint, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Yield the distances to hits on the piece from which the ray starts and on the next piece in one direction."""
+        """Yield the distances to intersections with the piece on which the ray starts and the next in one direction."""
         origin = point_at(self.pieces[start.piece].control, start.v)
         rest = ray.offset(origin)
         before, after = (start.v, 1.0 - start.v) if forwards else (1.0 - start.v, start.v)

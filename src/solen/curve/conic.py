@@ -32,26 +32,26 @@ class Parabola(Curve):
             raise DesignError("parabola from_mm and to_mm", value=self.from_mm, limit="must differ")
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]."""
         run = self.from_mm + u * (self.to_mm - self.from_mm)
         side = right_of(self.axis)
         rise = self.curve_per_mm * run * run
         return np.asarray(np.asarray(self.vertex) + np.outer(run, self.axis) + np.outer(rise, side))
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm."""
         per_u = self.to_mm - self.from_mm
         run = self.from_mm + u * per_u
         slope = 2.0 * self.curve_per_mm * run
         return np.asarray(per_u * (np.asarray(self.axis) + np.outer(slope, right_of(self.axis))))
 
     def part(self, u_from: float, u_to: float) -> "Parabola":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         per_u = self.to_mm - self.from_mm
         return replace(self, from_mm=self.from_mm + u_from * per_u, to_mm=self.from_mm + u_to * per_u)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`."""
+        """Return the left unit normal at a point of the curve."""
         run = dot(minus(point, self.vertex), self.axis)
         slope = 2.0 * self.curve_per_mm * run
         side = right_of(self.axis)
@@ -59,7 +59,7 @@ class Parabola(Curve):
         return left_of(tangent) if self.to_mm > self.from_mm else right_of(tangent)
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         side, start = right_of(self.axis), minus(origin, self.vertex)
         run, rise = dot(start, self.axis), dot(start, side)
         d_run, d_rise = dot(direction, self.axis), dot(direction, side)
@@ -71,11 +71,11 @@ class Parabola(Curve):
         )
 
     def moved(self, motion: Rigid) -> "Parabola":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return replace(self, vertex=motion.point(self.vertex), axis=motion.vector(self.axis))
 
     def reversed(self) -> "Parabola":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
 
@@ -133,25 +133,25 @@ class Conic(Curve):
         return np.asarray(c * r * r / (1.0 + np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * r) ** 2)))
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]."""
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm
         across = np.outer(lateral, right_of(self.axis))
         return np.asarray(np.asarray(self.vertex) + across + np.outer(self.sag_mm(lateral), self.axis))
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm."""
         per_u, c = self.to_mm - self.from_mm, self.curvature_per_mm
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm
         slope = c * lateral / np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * lateral) ** 2)
         return np.asarray(per_u * (np.asarray(right_of(self.axis)) + np.outer(slope, self.axis)))
 
     def part(self, u_from: float, u_to: float) -> "Conic":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         ends = [(1.0 - u) * self.from_mm + u * self.to_mm for u in (u_from, u_to)]
         return replace(self, from_mm=ends[0], to_mm=ends[1])
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`."""
+        """Return the left unit normal at a point of the curve."""
         lateral, depth = self._frame(minus(point, self.vertex))
         tangent = unit(self._tangent(lateral, depth))
         side, sign = right_of(self.axis), 1.0 if self.to_mm > self.from_mm else -1.0
@@ -162,7 +162,7 @@ class Conic(Curve):
         return left_of(forwards)
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         c, k = self.curvature_per_mm, self.conic_constant
         start = minus(origin, self.vertex)
         # Distances from the point nearest to the vertex: for a distant origin, rounding would swamp b² − 4ac.
@@ -176,11 +176,11 @@ class Conic(Curve):
         return tuple(to_nearest + t for t in roots if to_nearest + t > 0.0 and self._holds(r + t * dr, w + t * dw))
 
     def moved(self, motion: Rigid) -> "Conic":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return replace(self, vertex=motion.point(self.vertex), axis=motion.vector(self.axis))
 
     def reversed(self) -> "Conic":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
     def _frame(self, vector: Point) -> Point:
@@ -191,7 +191,7 @@ class Conic(Curve):
         return 1.0 - (1.0 + self.conic_constant) * (self.curvature_per_mm * lateral_mm) ** 2
 
     def _tangent(self, lateral: float, depth: float) -> Point:
-        """Return a vector (r, w) towards increasing r: 1 − (1 + K) c w, which is 0 at the widest point, and c r."""
+        """Return a tangent vector (1 − (1 + K) c w, c r), towards increasing r; its r is 0 at the widest point."""
         c = self.curvature_per_mm
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 

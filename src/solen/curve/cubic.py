@@ -128,7 +128,7 @@ def inflections(control: Control) -> list[float]:
 
 
 def cut(control: Control, v: float) -> tuple[Control, Control]:
-    """Return the parts before and after v (de Casteljau); they share the point there."""
+    """Return the parts of a cubic before and after parameter v (de Casteljau); both contain the point at v."""
     a, b, c, d = control
     ab, bc, cd = _between(a, b, v), _between(b, c, v), _between(c, d, v)
     abc, bcd = _between(ab, bc, v), _between(bc, cd, v)
@@ -141,12 +141,12 @@ def _between(a: Point, b: Point, v: float) -> Point:
 
 
 def point_at(control: Control, v: float) -> Point:
-    """Return the point at v."""
+    """Return the point of a cubic at parameter v."""
     return cut(control, v)[0][3]
 
 
 def tangent_at(control: Control, v: float) -> Point:
-    """Return the unit tangent at v."""
+    """Return the unit tangent of a cubic at parameter v."""
     d0, d1, d2 = steps_of(control)
     w = 1.0 - v
     w0, w1, w2 = w * w, 2.0 * w * v, v * v
@@ -160,7 +160,7 @@ def backwards(control: Control) -> Control:
 
 
 def steps_after(steps: Steps, v: float, w: float) -> Steps:
-    """Return the steps of the part after v; ``w`` is 1 − v, a separate argument to keep its digits."""
+    """Return the steps of the part after parameter v; ``w`` is 1 − v, a separate argument to keep its digits."""
     d0, d1, d2 = steps
     d01 = (w * d0[0] + v * d1[0], w * d0[1] + v * d1[1])
     d12 = (w * d1[0] + v * d2[0], w * d1[1] + v * d2[1])

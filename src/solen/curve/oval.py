@@ -86,7 +86,7 @@ class CartesianOval(Curve):
             return np.asarray(np.where(half_b > 0, rest / (half_b + np.sqrt(discriminant)), np.nan))
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]."""
         angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
         radius, angle = self.radius_from_object(angle_deg), np.radians(angle_deg)
         forward, lateral = radius * np.cos(angle), radius * np.sin(angle)
@@ -95,7 +95,10 @@ class CartesianOval(Curve):
         )
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`; the radius changes such that the velocity is perpendicular to the normal."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm.
+
+        The radius changes such that the velocity is perpendicular to the normal.
+        """
         angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
         radius, angle = self.radius_from_object(angle_deg)[:, None], np.radians(angle_deg)
         ray = np.outer(np.cos(angle), self.axis) + np.outer(np.sin(angle), left_of(self.axis))
@@ -106,27 +109,27 @@ class CartesianOval(Curve):
         return np.asarray(math.radians(self.to_deg - self.from_deg) * (growth * ray + radius * across))
 
     def part(self, u_from: float, u_to: float) -> "CartesianOval":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         per_u = self.to_deg - self.from_deg
         return replace(self, from_deg=self.from_deg + u_from * per_u, to_deg=self.from_deg + u_to * per_u)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`."""
+        """Return the left unit normal at a point of the curve."""
         to_1, to_2 = unit(minus(point, self.object_focus)), unit(minus(point, self.image_focus))
         outward = unit((self.n1 * to_1[0] + self.n2 * to_2[0], self.n1 * to_1[1] + self.n2 * to_2[1]))
         return outward if self.to_deg > self.from_deg else (-outward[0], -outward[1])
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         roots = self._roots(origin, direction, leaving)
         return tuple(t for t in roots if t > 0.0 and self._holds(along(origin, direction, t)))
 
     def moved(self, motion: Rigid) -> "CartesianOval":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return replace(self, vertex=motion.point(self.vertex), axis=motion.vector(self.axis))
 
     def reversed(self) -> "CartesianOval":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:

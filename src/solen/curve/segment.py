@@ -44,28 +44,28 @@ class Segment(Curve):
         return math.dist(self.a, self.b)
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1]."""
         a, b = np.asarray(self.a), np.asarray(self.b)
         return np.asarray((1.0 - u)[:, None] * a + u[:, None] * b)
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm."""
         return np.tile(np.subtract(self.b, self.a), (len(u), 1))
 
     def part(self, u_from: float, u_to: float) -> "Segment":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         return Segment(self.point_at(u_from), self.point_at(u_to))
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:  # noqa: ARG002  it is straight
-        """See :meth:`Curve.flattened`."""
+        """Return a polyline (N, 2) that deviates from the curve by at most ``tolerance_mm``."""
         return np.array([self.a, self.b])
 
     def normal_at(self, point: Point) -> Point:  # noqa: ARG002  the normal is the same everywhere
-        """See :meth:`Curve.normal_at`."""
+        """Return the left unit normal at a point of the curve."""
         return left_of(unit(minus(self.b, self.a)))
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`Curve.hits`."""
+        """Return the distances > 0 in mm at which a ray meets the curve, in any order."""
         tangent = unit(minus(self.b, self.a))
         slant = cross(direction, tangent)
         if leaving or slant == 0.0:
@@ -77,9 +77,9 @@ class Segment(Curve):
         return (distance,) if distance > 0.0 and inside else ()
 
     def moved(self, motion: Rigid) -> "Segment":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return Segment(motion.point(self.a), motion.point(self.b))
 
     def reversed(self) -> "Segment":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return Segment(self.b, self.a)

@@ -32,23 +32,23 @@ class Bezier(CubicChain):
 
     @property
     def controls(self) -> tuple[Control, ...]:
-        """See :attr:`CubicChain.controls`."""
+        """Control points of every cubic, in order."""
         return ((self.a, self.control_a, self.control_b, self.b),)
 
     def name_of(self, index: int) -> str:  # noqa: ARG002  there is only one cubic
-        """See :meth:`CubicChain.name_of`."""
+        """Return the name of a cubic in error messages."""
         return "bezier"
 
     def part(self, u_from: float, u_to: float) -> "Bezier":
-        """See :meth:`Curve.part`."""
+        """Return the part of the curve from one parameter to a larger one."""
         return Bezier(*self.parts(u_from, u_to)[0])
 
     def moved(self, motion: Rigid) -> "Bezier":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return Bezier(*(motion.point(point) for point in self.controls[0]))
 
     def reversed(self) -> "Bezier":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return Bezier(*reversed(self.controls[0]))
 
 
@@ -116,24 +116,27 @@ class Spline(CubicChain):
 
     @property
     def controls(self) -> tuple[Control, ...]:
-        """See :attr:`CubicChain.controls`."""
+        """Control points of every cubic, in order."""
         p = self.control_points
         return tuple((p[i], p[i + 1], p[i + 2], p[i + 3]) for i in range(0, len(p) - 1, 3))
 
     def name_of(self, index: int) -> str:
-        """See :meth:`CubicChain.name_of`."""
+        """Return the name of a cubic in error messages."""
         return f"spline control_points[{3 * index}:{3 * index + 4}]"
 
     def part(self, u_from: float, u_to: float) -> "Spline":
-        """See :meth:`Curve.part`; each of its cubics, cut or not, spans an equal part of its parameter range."""
+        """Return the part of the curve from one parameter to a larger one.
+
+        Each of its cubics, cut or not, spans an equal part of its parameter range.
+        """
         return Spline.of(self.parts(u_from, u_to))
 
     def moved(self, motion: Rigid) -> "Spline":
-        """See :meth:`Curve.moved`."""
+        """Return the curve after a rigid motion."""
         return Spline(tuple(motion.point(point) for point in self.control_points))
 
     def reversed(self) -> "Spline":
-        """See :meth:`Curve.reversed`."""
+        """Return the same curve traversed from end to start."""
         return Spline(self.control_points[::-1])
 
 

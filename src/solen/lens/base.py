@@ -178,7 +178,7 @@ class DeviatingLens(CurvedLens):
 
     @cached_property
     def front(self) -> Curve:
-        """See :attr:`Lens.front`: a spline within `curve_within_mm` of the profile."""
+        """The face from its left edge to its right edge, as a spline within `curve_within_mm` of the profile."""
 
         def position(x: FloatArray) -> FloatArray:
             return np.column_stack([x, self.z_mm(x)])
@@ -200,11 +200,11 @@ class DeviatingLens(CurvedLens):
         return CURVE_TOLERANCE_MM
 
     def z_mm(self, x_mm: ArrayLike) -> FloatArray:
-        """See :meth:`CurvedLens.z_mm`."""
+        """Return the profile z(x) at any array of lateral positions within the half width."""
         x = np.asarray(x_mm, dtype=float)
         return np.asarray(self.plain.z_mm(x) + self.deviation_mm(x))
 
     def slope(self, x_mm: ArrayLike) -> FloatArray:
-        """See :meth:`CurvedLens.slope`."""
+        """Return dz/dx of the profile, dimensionless."""
         x = np.asarray(x_mm, dtype=float)
         return np.asarray(self.plain.slope(x) + self.deviation_slope(x))

@@ -85,7 +85,7 @@ def _line_focus(
 
 @lru_cache(maxsize=32)
 def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredLens:
-    """Return the measured lens of a profile and its designed lens; it is cached, because smoothing takes time.
+    """Return the designed lens with the deviation of a measured profile; cached, because smoothing takes time.
 
     Raises
     ------

@@ -58,7 +58,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.base.Lens.warnings`."""
+        """Warnings that concern the lens's response."""
         if self.layer_mm < self.half_height_mm:
             last_mm = float(self.edges_mm[1] - self.edges_mm[0])
             if abs(last_mm - self.layer_mm) <= ROUNDING * self.layer_mm:
@@ -85,7 +85,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def heights_mm(self) -> FloatArray:
-        """See :attr:`solen.lens.in_space.LensInSpace.heights_mm`: one height for each layer."""
+        """Heights of the sections in the table, one for each layer."""
         return self.middles_mm
 
     @reported
@@ -106,12 +106,12 @@ class LayeredLens(LensInSpace, eq=True):
         return z[index], slope[index]
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the depth of the layer at that height."""
+        """Return z(x, y) of the face at lateral positions and heights, i.e. the depth of the layer at each height."""
         x, y = np.broadcast_arrays(np.abs(x_mm), y_mm)
         return self.profile_mm(self.layer_at(y), x)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`."""
+        """Return dz/dx of the face at lateral positions and heights of the same shape."""
         x, y = np.broadcast_arrays(x_mm, y_mm)
         a, b, p, q, t = self._cell(self.layer_at(y), x)
         step = self.half_width_mm / (self.profiles[0].shape[1] - 1)
@@ -143,7 +143,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def face(self) -> Face:
-        """See :attr:`solen.lens.in_space.LensInSpace.face`."""
+        """Numerical description of the face for the tracer."""
         optics = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
         sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.nearest_mm, self.deepest_mm)
         return Face(*optics, *sizes, self.edges_mm, *self.profiles, *self._bounds)

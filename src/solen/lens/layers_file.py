@@ -94,7 +94,7 @@ class LayeredLensFromFile(LayeredLens, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.base.Lens.warnings`."""
+        """Warnings that concern the lens's response."""
         return self.file.warnings
 
     @reported
@@ -104,7 +104,7 @@ class LayeredLensFromFile(LayeredLens, eq=True):
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """See :attr:`solen.lens.layered.LayeredLens.edges_mm`."""
+        """Heights y (L + 1,) of the boundaries of the layers in ascending order."""
         return self.file.edges_mm
 
     @cached_property
@@ -118,7 +118,7 @@ class LayeredLensFromFile(LayeredLens, eq=True):
 
     @cached_property
     def sampled_face(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :attr:`solen.lens.in_space.LensInSpace.sampled_face`: all layers, which need not be symmetric in y."""
+        """x, y and z (N, M) of points on the face, on all layers, because these need not be symmetric in y."""
         x, y = np.meshgrid(np.linspace(0.0, self.half_width_mm, self.file.z_mm.shape[1]), self.middles_mm)
         return x, y, self.file.z_mm
 

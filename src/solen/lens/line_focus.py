@@ -77,7 +77,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return cls(**{**_fields(lens), "y_focus_mm": high})
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of equal optical length, to 1e-13 mm."""
+        """Return z(x, y) of the face: the first z of equal optical length, to 1e-13 mm; NaN where there is no face."""
         x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
         planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
         first = np.zeros(x.shape, dtype=int)
@@ -99,7 +99,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return np.where((first > 0) & converged & (self._derivative_along_ray(x, y, z) < 0.0), z, np.nan)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: from the gradient of the optical length."""
+        """Return dz/dx of the face at lateral positions and heights, from the gradient of the optical length."""
         x, y = np.broadcast_arrays(x_mm, y_mm)
         z = self.z_at(x, y)
         along_x, along_z = self._gradient(x, y, z)
@@ -117,7 +117,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.base.Lens.warnings`."""
+        """Warnings that concern the lens's response."""
         if self.design_index <= math.sqrt(2.0) or self._max_dy <= _max_confined_dy(self.design_index):
             return ()
         leak = "light from the emitter's centre leaks through top and bottom, because it meets these faces too steeply"
@@ -133,12 +133,12 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @property
     def remedy(self) -> str:
-        """See :attr:`solen.lens.in_space.LensInSpace.remedy`."""
+        """Remedy if no such face exists."""
         return super().remedy if math.isinf(self.y_focus_mm) else f"increase lens.y_focus_mm, or {super().remedy}"
 
     @property
     def face(self) -> Face:
-        """See :attr:`solen.lens.in_space.LensInSpace.face`."""
+        """Numerical description of the face for the tracer."""
         half, no_profiles = self.half_height_mm, np.empty((0, 0))
         ring = self.focus_mm + self.y_focus_mm
         sizes = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)

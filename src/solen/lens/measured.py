@@ -46,28 +46,28 @@ class MeasuredLens(DeviatingLens, eq=True):
 
     @property
     def plain(self) -> DesignedLens:
-        """See :attr:`solen.lens.base.DeviatingLens.plain`."""
+        """The lens without the deviation."""
         return self.designed
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.base.DeviatingLens.deviation_mm`."""
+        """Return the deviation (N,) along z in mm at lateral positions; < 0 adds material."""
         error = self._error(x_mm, 0) if self.outline else 0.0
         return np.asarray(self.fit.deviation_mm(x_mm) + error)
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.base.DeviatingLens.deviation_slope`."""
+        """Return the derivative of `deviation_mm` with respect to x."""
         error = self._error(x_mm, 1) if self.outline else 0.0
         return np.asarray(self.fit.deviation_slope(x_mm) + error)
 
     @property
     def curve_within_mm(self) -> float:
-        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; `OUTLINE_TOLERANCE` of u for a random outline."""
+        """Maximum deviation of the traced curve from the profile; `OUTLINE_TOLERANCE` of u for a random outline."""
         within_mm = 1e-3 * OUTLINE_TOLERANCE * self.fit.u_rms_um if self.outline else 0.0
         return max(within_mm, super().curve_within_mm)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.base.Lens.warnings`."""
+        """Warnings that concern the lens's response."""
         return self.fit.warnings
 
     def with_outline(self, number: int) -> "MeasuredLens":

@@ -31,7 +31,7 @@ class FlatFace(Lens, eq=True):
 
     @property
     def front(self) -> Segment:
-        """See :attr:`solen.lens.base.Lens.front`."""
+        """The face from its left edge to its right edge, with the vertex at the origin."""
         return Segment((-self.half_width_mm, 0.0), (self.half_width_mm, 0.0))
 
     @property
@@ -75,7 +75,7 @@ class OvalLens(CurvedLens, eq=True):
 
     @cached_property
     def front(self) -> CartesianOval:
-        """See :attr:`solen.lens.base.Lens.front`."""
+        """The face from its left edge to its right edge, with the vertex at the origin."""
         edge_deg = self.acceptance_deg
         return self._oval(edge_deg, -edge_deg)
 
@@ -205,7 +205,7 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.design_index",
                 value=self.design_index,
-                limit=f"must be above {self.outside_index:g}, the index outside, for the lens to focus",
+                limit=f"must be above {self.outside_index:g}, the index in front of the lens, for the lens to focus",
                 remedy="increase it",
             )
 

@@ -79,17 +79,17 @@ class SplineLens(DeviatingLens, eq=True):
 
     @property
     def plain(self) -> OvalLens:
-        """See :attr:`solen.lens.base.DeviatingLens.plain`."""
+        """The lens without the deviation."""
         return self.oval
 
     @cached_property
     def front(self) -> Curve:
-        """See :attr:`solen.lens.base.Lens.front`: the oval itself if all knots are 0."""
+        """The face from its left edge to its right edge; if all knots are 0, it is the oval itself."""
         return super().front if any(self.knots_um) else self.oval.front
 
     @property
     def breaks_mm(self) -> tuple[float, ...]:
-        """See :attr:`solen.lens.base.DeviatingLens.breaks_mm`: the knots, where the third derivative jumps."""
+        """Lateral positions of the knots, at which the third derivative jumps and the pieces of the curve must end."""
         knots = self.knots_at_mm.tolist()
         return (*(-x for x in reversed(knots[1:])), *knots)
 
@@ -99,11 +99,11 @@ class SplineLens(DeviatingLens, eq=True):
         return np.linspace(0.0, self.half_width_mm, len(self.knots_um) + 1)
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.base.DeviatingLens.deviation_mm`."""
+        """Return the deviation (N,) along z in mm at lateral positions; < 0 adds material."""
         return np.asarray(self._spline(np.abs(x_mm)))
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.base.DeviatingLens.deviation_slope`."""
+        """Return the derivative of `deviation_mm` with respect to x."""
         return np.asarray(np.sign(x_mm) * self._spline(np.abs(x_mm), 1))
 
     def curvature_per_mm(self, x_mm: FloatArray) -> FloatArray:
@@ -147,7 +147,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.base.Lens.warnings`."""
+        """Warnings that concern the lens's response."""
         return self.fine_feature_warnings(self.min_feature_um, "lens.min_feature_um")
 
     def fine_feature_excess(self, least_um: float) -> float:
@@ -221,4 +221,4 @@ class SplineLens(DeviatingLens, eq=True):
 
 
 DesignedLens = OvalLens | SplineLens
-"""A lens that is printed with one profile, the same at every height or at mid-height."""
+"""A designed lens with one profile: that at every height or, if the lens varies with height, that at mid-height."""

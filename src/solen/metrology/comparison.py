@@ -90,7 +90,7 @@ def designs_to_compare(
 
 
 def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
-    """Make names unique by appending a number to each repetition."""
+    """Return the fronts with unique names: a number is appended to each repeated name."""
     names = [front.name for front in fronts]
     counts = [names[:index].count(name) for index, name in enumerate(names)]
     return [
@@ -102,12 +102,12 @@ def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
 def compare(
     edge: NamedEdge, fronts: Sequence[NominalFront], priors: PrintPriors = PrintPriors()
 ) -> list[ComparedDesign]:
-    """Return the designs with their probabilities, the most probable first.
+    """Fit the outline to each design; return the fits with the probabilities of the designs, the most probable first.
 
     Parameters
     ----------
     edge
-        The outline, with a pose within about a tenth of the lens's width for each of the designs.
+        The outline, with a pose that is accurate to about a tenth of the lens's width for each of the designs.
     fronts
         The nominal fronts, at least one.
     priors

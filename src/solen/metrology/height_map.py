@@ -117,7 +117,7 @@ def read_height_map(
     um_per_px, u_um_per_px
         Size of a pixel and its standard uncertainty; they take precedence over the values in the file.
     u_z_um
-        Standard uncertainty of the height.
+        Standard uncertainty of ``z_um``.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def read_height_map(
     SpecError
         If a specified number is not a valid height or pixel size.
     OutputError
-        If a TIFF is to be read without the extra ``vision``.
+        If the file is a TIFF and the extra ``vision`` is not installed.
     """
     options = HeightMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
     data, file = read_bytes(path), str(path)
@@ -139,7 +139,7 @@ def read_height_map(
         )
     else:
         raise DataError(
-            file, limit="is neither a TIFF nor a table of numbers", remedy="export the heights as one of these"
+            file, limit="is neither a TIFF nor a table of numbers", remedy="export a TIFF or a table of the heights"
         )
     valid = np.isfinite(levels)
     if valid.mean() < MIN_VALID:
@@ -161,12 +161,13 @@ def read_image_or_height_map(path: Path, options: HeightMapOptions) -> Image | H
     if options.z_um is not None:
         return read_height_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
     if options.u_z_um is not None:
-        raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
+        limit, remedy = "has no effect without --z-um", "specify both, or omit --u-z-um"
+        raise SpecError("--u-z-um", value=options.u_z_um, limit=limit, remedy=remedy)
     if is_text(path):
         raise SpecError(
             "--z-um",
             limit="is required, because a table of numbers is a height map",
-            remedy="specify the height of one unit in µm",
+            remedy="set --z-um to the height of one unit of the table, in µm",
         )
     return read_image(path, options=options)
 

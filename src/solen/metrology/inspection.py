@@ -350,7 +350,7 @@ class FacesInspection(Result):
     Attributes
     ----------
     first_layer, last_layer
-        The face that was on the build plate, and the opposite one, each compared with its own layer of the design.
+        The face that was on the build plate, and the opposite one, each compared with its layer of the design.
     """
 
     first_layer: LensInspection
@@ -394,7 +394,10 @@ def measure_faces(
     against: Sequence[Design] = (),
     priors: PrintPriors = PrintPriors(),
 ) -> FacesInspection:
-    """Measure both faces of a printed lens; parameters and errors are those of `measure_lens`.
+    """Measure both faces of a printed lens.
+
+    ``top`` is an image of the face away from the build plate, ``bottom`` of the face that was on it. The other
+    parameters and the errors are those of `measure_lens`.
 
     Raises
     ------

@@ -76,7 +76,7 @@ class MeasuredScale(Measured, kw_only=True):
     period_px, u_period_px
         Spacing of the lines in the image, and its standard uncertainty.
     angle_deg
-        Angle of the direction across the lines from the image's rows.
+        Angle between the direction across the lines and the image's rows.
     rms_um
         RMS residual of the line positions.
     stretch_percent

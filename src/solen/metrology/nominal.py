@@ -156,7 +156,7 @@ class NominalFront:
 
     @cached_property
     def _outward_tangents(self) -> tuple[FloatArray, FloatArray]:
-        """Unit vectors (2,) along the front, outwards at its left and its right end."""
+        """Unit vectors along the front at its left and its right end, both (2,), directed away from the front."""
         left, right = self.front_mm[0] - self.front_mm[1], self.front_mm[-1] - self.front_mm[-2]
         return left / np.hypot(*left), right / np.hypot(*right)
 

@@ -161,7 +161,7 @@ def measure_outline(
     pose, band, traced = _traced(image, match.pose, nominal)
     check_seen(image, band.fraction_seen)
     if not traced:
-        raise no_lens(image, nominal, "there is no edge along its expected front")
+        raise no_lens(image, nominal, "there is no edge where its front is expected")
     edges = edges_along(image, pose, nominal, band, traced)
     walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MAX_EDGES)
     traced_side = pose.mirrored

@@ -45,7 +45,7 @@ MIN_VISIBLE = 0.5
 
 
 def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
-    """Return the error for an image without such a lens, with the remedy; too few pixels are the usual cause."""
+    """Return the error for an image that does not show the lens; if the lens spans few pixels, advise to magnify it."""
     limit = f"shows no lens like that of {nominal.name}: {why}"
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across < RESOLVED_PX:

@@ -10,8 +10,8 @@ Form errors of neighbouring points are correlated, so N points are equivalent to
 of standard deviation σ, the log-likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
 parameters near the best fit, so the integral over these is exact, and the integral over σ is computed on a grid with a
 prior about the usual form error. The result is the marginal likelihood of the design (A. Gelman and others, Bayesian
-Data Analysis, chapters 7 and 14). The same prior gives the probability that a print of this design deviates by as much:
-an absolute test.
+Data Analysis, chapters 7 and 14). The same prior gives the probability that a print of this design deviates by at
+least as much: an absolute test.
 
 Public names: `fit_print`, `TracedOutline`, `PrintFit` and `PrintPriors`.
 """
@@ -93,7 +93,7 @@ class TracedOutline:
 
 @dataclass(frozen=True)
 class PrintFit:
-    """Size and form of a print relative to one design.
+    """Size, overgrowth and form error of a print, from a fit of its outline to one design.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class PrintFit:
     form_um
         RMS deviation that rotation, shift, size and overgrowth do not explain.
     p_form
-        Probability that a print of this design deviates by as much, given the usual form error.
+        Probability that a print of this design deviates by at least as much, given the usual form error.
     independent_values
         Number of independent values among the deviations.
     walls
@@ -150,7 +150,7 @@ def fit_print(
     Parameters
     ----------
     traced
-        The outline, with a pose within about a tenth of the lens's width.
+        The outline, with a pose that is accurate to about a tenth of the lens's width.
     nominal
         The design.
     priors
@@ -267,7 +267,7 @@ class _Posterior:
 
     @classmethod
     def of(cls, problem: _Problem, fit: _Placed, count: float) -> "_Posterior":
-        """Integrate over the magnitude of the form error."""
+        """Return the posterior about a fit, integrated over the magnitude of the form error."""
         precision, change = np.diag(problem.precision), fit.values - problem.prior
         means, covariances, logs = [], [], []
         for form in _FORMS_MM:
@@ -341,7 +341,7 @@ def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:
 
 
 def _p_form(form: float, usual: float, count: float) -> float:
-    """Return the probability of a form error this large if the usual form error is known to within `FORM_FACTOR`."""
+    """Return the probability of a form error of at least this size; the usual one is known to within `FORM_FACTOR`."""
     magnitudes = usual * FORM_FACTOR**_QUANTILES
     freedom = max(count - 5.0, 1.0)
     return float(np.mean(chi2.sf(freedom * (form / magnitudes) ** 2, freedom)))

@@ -122,7 +122,7 @@ class ScaleOptions(Options):
             if data.get(key) is not None:
                 option = f"--{key.replace('_', '-')}"
                 limit = f"is already determined by --{name}"
-                raise SpecError(option, value=str(data[key]), limit=limit, remedy="omit one")
+                raise SpecError(option, value=str(data[key]), limit=limit, remedy="omit one of the two options")
 
     @model_validator(mode="after")
     def _unset_derived_fields(self) -> Self:

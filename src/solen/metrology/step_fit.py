@@ -149,7 +149,7 @@ def _start(t: FloatArray, values: FloatArray, at: FloatArray, blur: FloatArray, 
 def _model(
     t: FloatArray, values: FloatArray, parameters: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weighted residuals (N, M), and derivatives (N, M, P) by level, slope, rise, position and log blur."""
+    """Return the weighted residuals (N, M), and their derivatives (N, M, P) with respect to the parameters."""
     rise, at, blur = parameters[:, 2::3], parameters[:, 3::3], np.exp(parameters[:, 4::3])
     u = (t[None, None, :] - at[:, :, None]) / blur[:, :, None]
     shape = 0.5 * (1.0 + erf(u / np.sqrt(2.0)))

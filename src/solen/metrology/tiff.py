@@ -194,7 +194,7 @@ def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
 
 
 def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Return the pixel size from resolution tags with their own unit."""
+    """Return the pixel size if the resolution tags specify a unit of length and ImageJ did not write the file."""
     page = opened.pages.first
     per_unit, unit_um = _per_unit(page), UNIT_UM.get(int(_value(page, "ResolutionUnit", 2)))
     if per_unit is None or unit_um is None or opened.is_imagej:

@@ -208,7 +208,7 @@ class _Printed:
 
 
 def _sizes(nominal: Iterable[tuple[str, float]]) -> list[float]:
-    """Return printed sizes in mm, 0 for missing features."""
+    """Return the printed sizes in mm of features, given their kinds and nominal sizes; 0 if a feature is missing."""
     features: Sequence[MeasuredFeature] = [MeasuredFeature(kind, mm, None, None, resolved=True) for kind, mm in nominal]  # type: ignore[arg-type]
     return [float(size) for size in np.nan_to_num(printed_mm(default_process().process, features))]
 

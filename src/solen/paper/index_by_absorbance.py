@@ -62,7 +62,7 @@ def rise_of_literature(short_nm: float, long_nm: float) -> tuple[float, float]:
 
 
 def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:
-    """Return the decrease in index of the shipped resins: midpoint of the range, its uncertainty, and the maximum."""
+    """Return the decrease in index of the shipped resins between two wavelengths: midpoint, uncertainty, maximum."""
     resins = [library_resin(name) for name in library()]
     indices = [resin.index for resin in resins if resin.index.mode == "literature"]
     falls = [float(np.subtract(*index.indices([short_nm, long_nm])[0])) for index in indices]

@@ -28,7 +28,7 @@ from solen.material.stiffness.modes import UNIAXIAL
 SEED = 1
 WAVELENGTHS_NM = np.arange(400.0, 901.0, 4.0)
 RESIN, LAYER_UM, EXTINCTION = "loctite-3526", 25.0, 1e-5
-"""The shipped resin closest to a printing resin, the thickness of the layer in the paper, and an assumed extinction."""
+"""The shipped resin closest to a printing resin, layer thickness in the paper, and assumed extinction coefficient."""
 NOISE = 5e-4
 """Assumed standard deviation of T and R, which the commands use as their uncertainty."""
 KINDS = ("pristine", "modified")

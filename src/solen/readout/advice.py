@@ -30,7 +30,7 @@ class Setting:
     Attributes
     ----------
     case
-        The set of parts.
+        Set of parts: ``dimmest``, ``typical`` or ``brightest``.
     volts_bright, volts_dark
         Lowest and highest reading over the motion.
     used
@@ -100,7 +100,7 @@ def advise(
     trimmer
         The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
-        As in `Circuit.current_mA`.
+        Equivalent irradiance of the ambient light, and temperature: a single number, or one for each angle or reading.
     """
     part = circuit.transistor
     target = min(part.saturation_V + TARGET_KNEES * part.knee_V, 0.5 * (part.saturation_V + circuit.supply_V))

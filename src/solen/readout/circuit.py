@@ -174,7 +174,7 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
 
 
 def cases_of(circuit: Circuit) -> dict[Case, Circuit]:
-    """Return the circuit with the weakest, with typical, and with the strongest emitter and receivers."""
+    """Return the circuits with the weakest, typical and strongest emitter and receivers, keyed by `Case`."""
     part, drive, count = circuit.transistor, circuit.drive, len(circuit.names)
     ends: dict[Case, tuple[float, float]] = {
         "dimmest": (part.min_uA, drive.min_mW),

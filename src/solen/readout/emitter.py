@@ -51,7 +51,7 @@ class Drive:
 
     @classmethod
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
-        """Return an emitter at a current; raise `DataError` if its part has no power or intensity at a current."""
+        """Return an emitter at a current; raise `DataError` without a power or an intensity at a known current."""
         if part.current_ma is None:
             limit, remedy = "is missing, but the power requires it", "add it to the part file"
             raise DataError(f"{part.name}: current_ma", limit=limit, remedy=remedy)

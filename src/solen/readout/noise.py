@@ -58,7 +58,10 @@ def noise(
     ambient_mW_cm2: Floats = 0.0,
     temperature_C: Floats = REFERENCE_C,
 ) -> Noise:
-    """Return the noise at power fractions (..., R), with ambient light and temperature as in `Circuit.current_mA`."""
+    """Return the noise at power fractions (..., R).
+
+    ``ambient_mW_cm2`` and ``temperature_C`` are a single number, one per row (...,), or one per reading (..., R).
+    """
     line = circuit.load_line(circuit.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
     shot, thermal = analogue_V(circuit, line, temperature_C)
     ones = np.ones_like(line.volts)
@@ -66,7 +69,7 @@ def noise(
 
 
 def analogue_V(circuit: Circuit, line: LoadLine, temperature_C: Floats) -> tuple[FloatArray, FloatArray]:
-    """Return the shot and the thermal noise (..., R) in V on a load line."""
+    """Return the shot and the thermal noise (..., R) in V at the operating points ``line``."""
     bandwidth_hz, load = circuit.noise_bandwidth_hz, np.array(circuit.load_ohm)
     shot_A = np.sqrt(2.0 * CHARGE_C * 1e-3 * line.collector_mA * (1.0 + circuit.transistor.gain) * bandwidth_hz)
     kelvin = np.asarray(temperature_C, dtype=float) + ZERO_K

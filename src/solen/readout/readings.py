@@ -158,7 +158,7 @@ def readings_of(
     trimmer
         The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
-        As in `Circuit.current_mA`.
+        Equivalent irradiance of the ambient light, and temperature: a single number, or one for each angle or reading.
     """
     light = (ambient_mW_cm2, temperature_C)
     dark = np.zeros_like(power_fraction)

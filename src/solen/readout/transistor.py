@@ -123,7 +123,7 @@ class Phototransistor:
 
 
 class LoadLine(Result):
-    """Operating points of a phototransistor with a load, in the broadcast shape of the currents.
+    """Operating points of a phototransistor with a load, in the shape to which currents and loads broadcast.
 
     Attributes
     ----------

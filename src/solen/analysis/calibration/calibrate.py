@@ -171,7 +171,7 @@ def _file(
 
 
 def _check_lines(check: Check | None, fold: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Return the summary of a cross-validation, in which each ``fold`` is a cycle or a print."""
+    """Return the results of a cross-validation in words; ``fold`` names what is held out: a cycle or a print."""
     if check is None:
         return ()
     total, sign = check.total, stimulus.sign

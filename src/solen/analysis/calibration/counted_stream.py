@@ -97,7 +97,7 @@ class CountedStream(Generic[C]):
             self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
 
     def _flag_warnings(self, meanings: Mapping[str, str], always: tuple[str, ...]) -> Iterator[Caution]:
-        """Yield warnings about flags of many readings, and about flags of any reading if they are always reported."""
+        """Yield a warning for each flag that many readings have, or for a flag in ``always`` if any reading has it."""
         for name, meaning in meanings.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)

@@ -27,8 +27,8 @@ _MAX_READINGS = 40_000
 class Check:
     """Result of a cross-validation, in total and for each held-out part.
 
-    ``true_deg``, ``angle_deg``, ``low_deg`` and ``high_deg`` (68 and 95 %, (n, 2)) are the true angles, decoded angles
-    and band limits of all held-out readings.
+    ``true_deg`` and ``angle_deg`` are the true and the decoded angles of all held-out readings, (n,); ``low_deg`` and
+    ``high_deg`` are the limits of their 68 and 95 % bands, (n, 2).
     """
 
     total: Part
@@ -89,7 +89,7 @@ def _check(names: Sequence[str], results: Sequence[tuple[FloatArray, Decoded]]) 
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Merge several parts; at least one of them must contain a reading."""
+    """Return the check results of several parts taken together; at least one part must contain a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 

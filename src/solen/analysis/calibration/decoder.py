@@ -33,9 +33,9 @@ _POINTS = 64  # number of points of the grid of an interval
 _BATCH = 512  # readings
 _MAX_PIECES = 4000
 _MAX_SAGITTA = 0.1  # largest distance of the curve from its straight pieces, in standard deviations
-_MIN_PROBABILITY = 0.01  # of an interval that is reported
-_MARGIN = 1e-6  # of an interval, as a fraction of a piece
-_MIN_LENGTH = 1e-9  # of a piece, in standard deviations
+_MIN_PROBABILITY = 0.01  # smallest probability of an interval that is reported
+_MARGIN = 1e-6  # margin at the ends of an interval, as a fraction of a piece
+_MIN_LENGTH = 1e-9  # smallest length of a piece, in standard deviations
 _MAX_LOG_DROP = 200.0  # a reading whose log-likelihood is lower by more is compared with all segments
 
 
@@ -172,7 +172,7 @@ class Decoder:
         return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
 
     def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Return the standard deviation of decoded angles due to the noise of a single reading, (n,)."""
+        """Return the standard deviation (n,) of angles decoded near ``angle_deg`` (n,), from the noise of a reading."""
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
@@ -434,7 +434,7 @@ def _fraction(part: FloatArray, total: FloatArray) -> FloatArray:
 def _crossing(density: FloatArray, grid: FloatArray, point: IndexArray, side: int, height: FloatArray) -> FloatArray:
     """Return the angle at which the density, past the outermost point above a height, falls to this height.
 
-    If that point is an end of the grid, it is the angle.
+    If that point is an end of the grid, its angle is returned.
     """
     rows = np.arange(len(grid))
     following = np.clip(point + side, 0, grid.shape[1] - 1)
@@ -454,7 +454,7 @@ def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def _joined(parts: list[Decoded]) -> Decoded:
-    """Concatenate parts."""
+    """Concatenate the decoded angles of successive batches of readings."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])

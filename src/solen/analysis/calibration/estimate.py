@@ -23,7 +23,7 @@ from solen.errors import DataError
 
 _WIDTHS = (0.05, 0.1, 0.2, 1.0)  # fractions of the range, on each side, over which products are averaged
 _MIN_SAMPLES = 30.0
-_MAX_CYCLES = 60  # that are compared with the others
+_MAX_CYCLES = 60  # largest number of cycles that are compared with the others
 _MAX_WEIGHT = 4.0  # largest weight of an angle with a long hold, relative to the median number of samples
 _MIN_VARIANCE = 1e-9  # relative to the squared range
 _MIN_FREEDOM, _MAX_FREEDOM = 2.0, 1e9
@@ -49,7 +49,8 @@ class Calibration:
     freedom
         Degrees of freedom of `repeat` and of `between`.
     rails_V
-        As in `Training`.
+        Lowest and highest voltage at which samples of the left and of the right receiver were clipped, (2, 2); NaN if
+        none were clipped.
     u_scale, u_line_deg
         Standard uncertainties common to all readings of the stimulus: relative, of their scale, and due to their
         non-linearity. The scatter does not show them. They are 0 if decoded values are relative to these readings.

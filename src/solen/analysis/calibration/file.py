@@ -175,7 +175,7 @@ class CalibrationFile(Strict):
     )
     dark_V: Number | None = Field(None, description="Voltage without light; null if unknown.")
     motion: Motion = Field(description="Moving parts, and range of motion.")
-    circuit: Circuit = Field(description="Meaning of the voltages.")
+    circuit: Circuit = Field(description="Circuit with which the voltages were measured.")
     curves: Curves = Field(exclude=True, description="Voltages at each angle, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(
         description="Each cycle decoded with a calibration from the other cycles; null with two cycles."
@@ -322,7 +322,7 @@ def differences(file: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _driven_load(drives: str | None) -> str | None:
-    """Return the name of the driven finger, pull or clamp; driving its depth or force is the same motion."""
+    """Return the name of the driven finger, pull or clamp, without whether its depth or its force is driven."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

@@ -24,12 +24,15 @@ EXTENSION = 3.0
 """Extension of a calibrated range at each end, in standard uncertainties of the reading at that end."""
 _MAX_NOISE = 5e-4  # largest noise that is not averaged, as a fraction of the range
 _MAX_WINDOW = 1.0 / 5.0  # fraction of a ramp to which a line is fitted
-_MIN_DRIFT = 4.0  # standard uncertainties
+_MIN_DRIFT = 4.0  # smallest drift in a hold to which a line is fitted, in standard uncertainties
 _MIN_DEPARTURE = 3.5  # distance from a level, in units of the noise, at which a ramp is detected
 
 
 def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:
-    """Return the sensor with averaged forces, and the standard uncertainty of a hold; unchanged and 0 without noise."""
+    """Return the sensor with averaged forces, and the standard uncertainty of a hold.
+
+    If the noise is low, return the sensor unchanged, and 0.
+    """
     limits = [_MAX_NOISE * (run.motion.high_deg - run.motion.low_deg) for run in sensor.runs]
     pairs = list(zip(sensor.runs, limits, strict=True))
     if sensor.stimulus is not FORCE or all(run.motion.noise_deg < limit for run, limit in pairs):

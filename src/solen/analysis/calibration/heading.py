@@ -41,7 +41,7 @@ class Tracker:
         self._kept = np.zeros((0, 3))
 
     def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
-        """Return the headings at the next angles of the stream, (n,), in time order; an earlier time starts anew."""
+        """Return the headings at the next angles of the stream, (n,), in time order; if time jumps back, start anew."""
         if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # the clock was reset
             self._kept = self._kept[:0]
         rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])

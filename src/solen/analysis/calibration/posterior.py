@@ -13,7 +13,7 @@ from solen.arrays import FloatArray
 
 
 def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:
-    """Return the probability of each of some evenly spaced angles (m,) for a left and right reading (2,).
+    """Return the probabilities (m,) of evenly spaced angles (m,), given a left and a right reading (2,).
 
     The prior is uniform, and the reading is equally likely to be from the rising and the falling curve.
     """

@@ -90,7 +90,7 @@ class Training:
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Return the mean over the cycles, ignoring NaN; a direction without readings is replaced by the other one."""
+    """Return the mean over the cycles, ignoring NaN; a missing value is replaced by that of the other direction."""
     finite = np.isfinite(cycles_V)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(finite, cycles_V, 0.0).sum(axis=0) / finite.sum(axis=0)
@@ -126,7 +126,8 @@ def training_of(sensor: SensorResponse, *, full_range: bool = False) -> Training
     first, last = max(flag_runs(known), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
     if last - first < _MIN_COMMON_POINTS:
         limit = f"has no range of {sensor.stimulus.plural} in which both receivers have readings"
-        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="inspect it with solen bench analyse --figure")
+        remedy = "inspect the curves with solen bench analyse --figure"
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
     angle = sweeps.angle_deg[first:last]
     samples, rails = _samples(sensor, sides, (float(angle[0]) - u_end, float(angle[-1]) + u_end))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)
@@ -156,7 +157,7 @@ def _over_full_range(sensor: SensorResponse, u_end: float) -> Passes:
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Return the samples of all runs between two angles that are not clipped, and the rails as in `Training`."""
+    """Return the samples of all runs between two angles that are not clipped, and the rails (2, 2)."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     for run in sensor.runs:

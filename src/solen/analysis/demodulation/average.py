@@ -23,9 +23,10 @@ MAX_DEVIATION = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Means of blocks of readings, like `Demodulated`; ``omitted`` readings belong to no complete block.
+    """Means of the readings in each of B blocks, with fields as in `solen.analysis.demodulation.subtract.Demodulated`.
 
-    ``blocks`` contains the indices of the readings in each block, (B, readings).
+    ``blocks`` contains the indices of the readings in each block, (B, readings); ``omitted`` is the number of readings
+    that belong to no complete block.
     """
 
     time_s: FloatArray

@@ -38,7 +38,7 @@ MIN_DETECTED, MIN_CERTAIN = 6.0, 20.0
 MAX_TRANSITION = 0.2
 """Transition time, as a fraction of a period, above which the modulation is that of flicker rather than of a switch."""
 NOISE_RATIO = 0.7309
-"""Frequency, relative to the line, at which the noise is measured, because a switched signal has no harmonic there."""
+"""Frequency at which the noise is measured, relative to that of the line: a switched signal has no harmonic there."""
 _REMEDY = "correct the rate, or record the state of the emitters in a column"
 MIN_HZ, MAX_LINES = 15.0, 4
 """Lowest rate searched if none is specified, which exceeds that of any motion, and number of spectral lines tried."""
@@ -191,7 +191,7 @@ def _lines(elapsed_s: FloatArray, signal: FloatArray, max_hz: float) -> list[flo
 
 
 def _spectrum(elapsed_s: FloatArray, signal: FloatArray, padding: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Return frequencies and amplitudes of the first seconds, with at least ``padding`` times their length."""
+    """Return the amplitude spectrum of the first seconds, zero-padded to at least ``padding`` times their length."""
     count = max(int(np.searchsorted(elapsed_s, SEARCHED_S)), 2)
     length = count if padding == 1 else 1 << (padding * count - 1).bit_length()
     frequency = np.fft.rfftfreq(length, float(elapsed_s[count - 1]) / (count - 1))

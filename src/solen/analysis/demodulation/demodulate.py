@@ -62,7 +62,7 @@ class ChannelReadings(Result):
 
 
 class Rejection(Result):
-    """Calculated rejection of ambient light at a frequency, also with a mean over mains periods."""
+    """Calculated rejection of ambient light at a frequency: in single readings, and in means over mains periods."""
 
     frequency_hz: float
     two_sided_dB: float

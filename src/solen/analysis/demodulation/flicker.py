@@ -25,7 +25,9 @@ from solen.results import HIDDEN, Result
 
 MAINS_HZ = (50.0, 60.0)
 ORDERS, LAMP_ORDER = (1, 2, 4), 2
-"""Fitted harmonics of the mains frequency (others alias to these in slots at 200 Hz), and the lamps' fundamental."""
+"""Orders of the fitted harmonics of the mains frequency (others alias to these in slots at 200 Hz), and that of the
+lamps' fundamental.
+"""
 WINDOW_S, MIN_SAMPLES_PER_PARAMETER = 0.32, 30
 """Length of a window, and the smallest number of "off" samples per fitted parameter."""
 MIN_SIGNIFICANCE, MIN_AMPLITUDE = 8.0, 0.02
@@ -107,7 +109,7 @@ def resolved_orders(mains_hz: float, rate_hz: float) -> tuple[int, ...]:
 
 
 def _settled(state: IntArray) -> BoolArray:
-    """Return whether each sample is not in the first part of a run of samples with the same state."""
+    """Return a mask of the samples after the first part, i.e. `SETTLING`, of each run with the same state."""
     starts = np.flatnonzero(np.diff(state, prepend=state[0] - 1))
     lengths = np.diff(np.append(starts, state.size))
     since_start = np.arange(state.size) - np.repeat(starts, lengths)

@@ -118,9 +118,10 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
     if not on.size or not off.size:
         limit = (
-            f"requires slots with an emitter on and slots with all emitters off, but there are {on.size} and {off.size}"
+            f"requires slots with an emitter on and slots with all emitters off, but there are {on.size} on slots and "
+            f"{off.size} off slots"
         )
-        remedy = "use a shorter settling time" if slots.emptied else ""
+        remedy = "use a shorter settling time" if slots.emptied else "record both on slots and off slots"
         raise DataError("demodulation", limit=limit, remedy=remedy)
     before, after, near = _neighbours(slots, on, off)
     if kernel == "one-sided":

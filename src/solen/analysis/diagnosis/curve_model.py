@@ -1,8 +1,9 @@
 """Model of a recording's mean curves: its parameters with their priors, and the receiver voltages.
 
 Light I lowers the voltage of a receiver by gain times I, until the transistor saturates. Saturation follows
-`solen.readout.load_line`, and is modelled only if the circuit is known. Without light, the voltage is 0 if the voltage
-without the emitter was subtracted, otherwise the supply voltage; an offset for each receiver accounts for both cases.
+`solen.readout.transistor.load_line`, and is modelled only if the circuit is known. Without light, the voltage is 0 if
+the voltage without the emitter was subtracted, otherwise the supply voltage; an offset for each receiver accounts for
+both cases.
 
 Public name: `Model`.
 """
@@ -25,8 +26,8 @@ _OHM = 1e3  # with this load, a photocurrent in mA is numerically the voltage dr
 MAX_U_LOSS = 0.05
 """Largest useful uncertainty of the loss along the path, as a fraction of the light."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
-"""Positions in a cell, in standard deviations of the position, whose mean approximates that over the cell (Chebyshev
-quadrature).
+"""Positions in a cell, in standard deviations of the position: the mean of a function at these positions approximates
+its mean over the cell (Chebyshev quadrature).
 """
 
 
@@ -37,7 +38,7 @@ class LoadLines:
     Attributes
     ----------
     supply_V, saturation_V, knee_V
-        As in `solen.readout.load_line`.
+        Supply voltage, saturation voltage of the transistors, and width of the knee above it.
     ambient_drop_V
         Voltage drop of each receiver due to ambient light, (r,).
     """

@@ -50,7 +50,7 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Return the change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
+        """Return the change in the fractions of the emitted power (n, 2) if the parameter increases by ``by``."""
         x = by / self.step
         inner = min(max(x, -1.0), 1.0)
         change = np.zeros((angle_deg.size, 2))

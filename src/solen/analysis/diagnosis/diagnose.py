@@ -200,7 +200,7 @@ def diagnosed(
 
 
 def spacing_deg(sensor: SensorResponse) -> float:
-    """Return the median angle between samples of the coarsest recording."""
+    """Return the median angle between successive samples, for the recording in which it is largest."""
     spacings = []
     for run in sensor.runs:
         angle = run.signals.angle_deg
@@ -216,7 +216,7 @@ def _check(sensor: SensorResponse, cycles: Cycles, sides: Sequence[str]) -> None
             limit = (
                 f"has {valid} angles that every cycle reaches unclipped, but a diagnosis requires at least {MIN_ANGLES}"
             )
-            remedy = "record a wider range or lower voltages, or use a smaller --step-deg"
+            remedy = "record a wider range of angles without clipping, or use a smaller --step-deg"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 

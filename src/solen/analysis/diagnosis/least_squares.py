@@ -28,13 +28,13 @@ from solen.results import Result, reported
 
 START_DECENTRES_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 START_SPREADS_MM2 = (0.1**2, 0.25**2)
-"""Starting values of the emitter's decentre, relative to the design, and of the spread of its chip."""
+"""Starting values of the emitter's decentre, relative to the design, and of the squared width of its chip."""
 MAX_REFINED = 3
 """Number of starting values that are refined: those with the best linear fits. Parameters with a prior are fixed in the
 first refinement.
 """
 WAVES = 12
-"""Number of cosine waves, of 0, 1, 2 and so on half periods over the range of angles, that a misfit may contain."""
+"""Number of cosine waves that a misfit may contain; they have 0, 1, 2, … half periods over the range of angles."""
 MAX_CHANCE = 0.05
 """A misfit is significant if the probability of such a misfit by chance is below this value."""
 MAX_CHANCE_ADDED = 0.16

@@ -42,7 +42,7 @@ MAX_TOLERANCE = 2e-3
 MAX_U_RATIO = 10.0
 """Largest uncertainty of a strip whose integration ended early, relative to the tolerance."""
 STRIPS, STRIPS_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
-"""Width in mm of the strips that are traced for directional receivers, and number of rays for each strip."""
+"""Width in mm of the strips traced for directional receivers, and rays per strip: in the plane, and in space."""
 
 Curve = Callable[[FloatArray], FloatArray]
 

@@ -74,7 +74,7 @@ class Table:
         Raises
         ------
         DesignError
-            As in `light_by_position`.
+            If light is scattered or comes from a ray file, or if a planar emission pattern is used in space.
         """
         wide, reach_mm = _with_wide_chip(sensor)
         wide.check_pair()
@@ -91,7 +91,7 @@ class Table:
         return cls(angle_deg, grid, edge, np.stack(totals, 1), rows)
 
     def indices(self, angle_deg: FloatArray) -> IndexArray:
-        """Return the indices of some of the traced angles (n,)."""
+        """Return the indices of the given angles (n,), each of which must be a traced angle."""
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def minus(self, other: "Table") -> "Table":

@@ -82,7 +82,8 @@ class ForwardMap:
         ends_deg
             Limits of the ranges (2, M); default: the extremes of the states.
         length, scatter
-            As in the attributes; default: chosen from the states.
+            Correlation lengths (K, M) and variances (K,) as in the attributes; by default those that best
+            predict each state from the others.
         """
         low, high = (angle_deg.min(axis=0), angle_deg.max(axis=0)) if ends_deg is None else ends_deg
         states = (angle_deg - low) / np.maximum(high - low, 1e-12)

@@ -31,7 +31,7 @@ SEGMENTS = 6
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Stops in a recording.
+    """Stops in a recording, with the angles and the mean readings at each stop.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class States:
     clipped: FloatArray
 
     def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the distinct states, (n, motions), and the means over all their stops and the variances, (n, K)."""
+        """Return the distinct states (n, motions), and the mean readings in each and their variances, both (n, K)."""
         span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
         rounded = np.rint(self.angle_deg / (2.0 * MAX_MOVEMENT * span))
         _, state = np.unique(rounded, axis=0, return_inverse=True)
@@ -143,7 +143,7 @@ def states_of(readings: NetworkReadings) -> States:
     file = readings.provenance.name
     if not readings.motions:
         limit = "contains no motion angles"
-        raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
+        raise DataError(file, limit=limit, remedy="add a column for each motion, such as index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
     complete = np.asarray(np.isfinite(flat).all(axis=1))
     stops = [stop for stop in _stops(readings.angle_deg) if complete[stop].sum() >= MIN_STOP_ROWS]

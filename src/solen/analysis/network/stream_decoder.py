@@ -212,7 +212,7 @@ def recorded_cycles(
 def _check_ambient(source: str, ambient: Ambient | None, calibration: NetworkCalibration) -> None:
     if None not in {ambient, calibration.ambient} and ambient != calibration.ambient:
         limit = f"contains readings with ambient light {ambient}, but in the calibration it was {calibration.ambient}"
-        raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
+        raise DataError(source, limit=limit, remedy="calibrate with recordings that treat ambient light alike")
 
 
 def scale_of(source: str, unit: str, calibration: NetworkCalibration) -> float:

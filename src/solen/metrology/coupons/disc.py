@@ -30,7 +30,7 @@ MAX_FITTED = 3000
 STRAIGHT_RATIO = 12.0
 """Ratio of radius to blur above which the edge is treated as a straight one with a shift."""
 TABLE = np.linspace(-6.5, 6.5, 261)
-"""Distances from the edge, in blurs, at which the height of a small disc is tabulated; interpolation is within 1e-4."""
+"""Distances from the edge, in blurs, at which the height of a small disc is tabulated, to interpolate it to 1e-4."""
 HALF_RING_BLURS = 5.0
 """Half width of the fitted ring, in blurs."""
 FLOOR_PX = 0.05
@@ -42,7 +42,7 @@ MIN_SECTOR_RISE = 0.4
 MIN_BLUR_PX, MAX_BLUR_PX = 0.3, 30.0
 MIN_PIXELS = 24
 STEP = 0.03
-"""Step of the numerical derivatives, in px and of the logarithm of the blur."""
+"""Step of the numerical derivatives: in px, or in the logarithm of the blur."""
 MIN_RADIUS_PX = 1.2
 """Radius below which a disc cannot be measured."""
 
@@ -138,7 +138,7 @@ def fit_disc(
     grey
         Shape (rows, columns).
     centre_px
-        Initial centre, (column, row), within about a third of the radius.
+        Initial centre, (column, row), accurate to about a third of the radius.
     radius_px
         Nominal radius.
     reach_px

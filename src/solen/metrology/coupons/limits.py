@@ -111,7 +111,7 @@ def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
 
 
 def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
-    """Return limit (i), (ii) or that of open holes: the smallest size before the first one that is not resolved.
+    """Return limit (i), (ii) or that of open holes: the smallest size at or above which all features are resolved.
 
     Return None if the image shows no feature of the kind.
     """
@@ -179,7 +179,7 @@ def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Return the probability that such a mean rise occurs by chance, from a one-sided Welch's t-test."""
+    """Return the probability that a mean rise of at least ``rise`` occurs by chance (one-sided Welch's t-test)."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

@@ -37,7 +37,7 @@ EDGE_BLURS = 5.0
 MAX_OFFSET_MM = 0.12
 """Largest distance of a feature from its nominal position."""
 CLIP_HEIGHT = 0.9
-"""Fraction of the lowest column's height; columns of a height map are separated up to this height."""
+"""Height up to which the columns in a height map are separated, as a fraction of the lowest column's height."""
 MIN_BLUR_RADIUS_PX = 8.0
 """Radius in pixels above which a disc determines the blur."""
 MAX_BLUR_PX = 8.0
@@ -83,7 +83,7 @@ class CouponMeasurement(Result):
     limits
         The smallest resolved features.
     discs
-        Fits of the round features that are present, by name.
+        Fits of the round features that are present, keyed by name.
     """
 
     coupon: str
@@ -107,7 +107,7 @@ class CouponMeasurement(Result):
 
     @reported
     def minimum(self) -> dict[str, Limit]:
-        """The smallest resolved features, by kind."""
+        """The smallest resolved features, keyed by kind."""
         return {limit.kind: limit for limit in self.limits}
 
     @reported
@@ -185,7 +185,7 @@ def _check_kind(coupon: Coupon, image: Image | HeightMap, file: str) -> None:
     sizes = {pillar.diameter_mm for pillar in coupon.of_kind("pillar")}
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
         limit = f"cannot be measured: the coupon {coupon.name} varies only in height, which an image does not show"
-        raise DataError(file, limit=limit, remedy="use a height map, and set --z-um to the height of one of its levels")
+        raise DataError(file, limit=limit, remedy="use a height map, and set --z-um to the height of one level")
 
 
 @dataclass(frozen=True, eq=False)
