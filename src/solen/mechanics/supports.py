@@ -238,7 +238,7 @@ def _check_supported(mesh: BodyMesh, supports: Supports) -> None:
 
 
 def _check_piece(supports: Supports, mask: BoolArray) -> None:
-    """Raise `DesignError` if the nodes of a mask (N,) can move as a rigid body."""
+    """Raise `DesignError` if the nodes selected by a mask (N,) can move as a rigid body."""
     points = supports.points_mm
     centre = points[mask].mean(axis=0)
     size = float(np.ptp(points[mask], axis=0).max())

@@ -130,7 +130,7 @@ class _Batch:
         return tally.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
 
     def results(self) -> list[Trace]:
-        """Return the results by scene."""
+        """Return the trace of each scene."""
         parts: list[list[list[tally.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
         rays = [[np.zeros(job.groups(source), dtype=np.int64) for source in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):

@@ -57,7 +57,7 @@ class Feature(_FileTable):
     stage
         Name of the run in which it is printed.
     exposure_s
-        Exposure, if different from that of the layers.
+        Exposure time, if different from that of the layers.
     grey
         Grey level of its pixels as a fraction of the full level; None for the full level.
     """

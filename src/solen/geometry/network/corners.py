@@ -38,7 +38,7 @@ class Run:
     first: Point | None = None
     last: Point | None = None
     heading_deg: float | None = None
-    """Direction of the guide if it is straight, has a constant width, and its direction was specified."""
+    """Direction of a straight guide of constant width whose direction was specified; None for other guides."""
     extension_mm: float = 0.0
     """Length by which a straight wall may be extended beyond the first section of its guide to meet another straight
     wall.
@@ -90,9 +90,10 @@ def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point
 
 
 def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: bool) -> Run:
-    """Return a wall from a height above the section through ``base``; raise `DesignError` if it ends below that height.
+    """Return the part of a wall whose distance from the section through ``base`` is at least ``height_mm``.
 
-    The section is at the end of the wall if ``at_end`` is set, otherwise at its start.
+    Distances are measured along ``ahead``. The section is at the end of the wall if ``at_end`` is set, otherwise at its
+    start. `DesignError` is raised if no part of the wall is that far from the section.
     """
     from scipy.optimize import brentq
 

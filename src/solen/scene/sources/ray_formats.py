@@ -85,7 +85,8 @@ def _read(path: Path, _changed: int) -> RaySet:
     try:
         data = path.read_bytes()
     except OSError as bad:
-        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="name a file") from None
+        limit = f"cannot be read: {bad.strerror or bad}"
+        raise DataError(str(path), limit=limit, remedy="specify a readable file") from None
     what = str(path)
     if data[:4] == b"TM25":
         return _tm25(data, what)

@@ -31,7 +31,7 @@ MIN_LENGTH = 0.01
 """Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
 NO_JOIN, TOO_WIDE = -1, -2
-"""Codes of `y_tables` for a body."""
+"""Codes that `y_tables` returns for a body that `solen.geometry` rejects."""
 
 
 class Y(NamedTuple):
