@@ -23,7 +23,7 @@ from solen.spec import Design
 
 JOIN_MM = 1e-3
 PIVOTS = ("pivot", "stem-base")
-"""Names of a drawn pivot of the motion; the default pivot is the origin of the drawing."""
+"""Names that a drawing may give to the pivot of the motion; the default pivot is the origin of the drawing."""
 FLAT_MM = 1e-4
 PART_WORDS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
 """First words of the names of the faces that belong to each moving part."""

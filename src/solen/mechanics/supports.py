@@ -262,7 +262,7 @@ def _check_piece(supports: Supports, mask: BoolArray) -> None:
     else:
         motion = f"it can shift in the direction ({shift_x:.2g}, {shift_z:.2g})"
     names = ", ".join(group.name for group in supports.groups) or "no holds"
-    remedy = 'support more of it: the kind of a hold is "fixed", "sliding" or "turning"'
+    remedy = 'support more of the body: the kind of a hold is "fixed", "sliding" or "turning"'
     body_text = point_text((float(centre[0]), float(centre[1])))
     raise DesignError("hold", value=names, limit=f"{motion} (the body at {body_text})", remedy=remedy)
 

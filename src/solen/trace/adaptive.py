@@ -295,7 +295,7 @@ def integration_obstacle(scene: Scene) -> str:
         for source in scene.sources
         if source.emission() is None or (in_space and isinstance(source, Ambient))
     ]
-    return f"a source {unsupported[0]}" if unsupported else ""
+    return f"a source of type {unsupported[0]}" if unsupported else ""
 
 
 def is_extended(scene: Scene) -> bool:

@@ -57,7 +57,7 @@ def read_svg(path: Path, units: str | None) -> Drawing:
     try:
         root = ET.fromstring(read_text(path, DataError))  # noqa: S314  expat limits the expansion of entities
     except ET.ParseError as bad:
-        raise DataError(str(path), limit=f"not SVG: {bad}") from None
+        raise DataError(str(path), limit=f"is not SVG: {bad}") from None
     if _tag(root) != "svg":
         raise DataError(str(path), value=_tag(root), limit="must be an SVG file with the root element svg")
     scale = _scale(path, root, units)

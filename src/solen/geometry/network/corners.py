@@ -203,7 +203,7 @@ def _filleted(arriving: Run, departing: Run, radius_mm: float, node: str) -> tup
             value=radius_mm,
             limit=f"must be at most {max_radius_mm:.3g} mm: the walls of {arriving.guide} and {departing.guide} leave "
             f"no more room at {point_text(arriving.end)}",
-            remedy="make it smaller",
+            remedy="reduce fillet_mm",
         )
     first_run, second_run, center = tangents
     first, last = first_run.end, second_run.start
