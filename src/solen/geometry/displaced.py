@@ -280,7 +280,7 @@ def _close_notch(before: Face, after: Face, last: list[Face], first: list[Face])
 
 
 def _pieces(face: Face, curves: list[Curve], ends: list[float], contacts: list[ContactSegment]) -> list[Face]:
-    """Return the segments of a displaced face with their wall tables, numbered from where its lengths are measured."""
+    """Return the segments of a displaced face with their wall tables, numbered from the end where its lengths begin."""
     if len(curves) == 1 and not contacts:
         return [replace(face, curve=curves[0])]
     pieces, count = [], len(curves)

@@ -66,7 +66,7 @@ class Finger:
         return self.press.force_N is not None
 
     def check(self, depth_mm: float, push: float, supported: FloatArray) -> None:
-        """Raise `DesignError` if the finger reaches supported points (N, 2), leaves the far side or loses contact."""
+        """Raise `DesignError` if a finger hits supported points (N, 2), passes through the body or loses contact."""
         centre = self.start_mm + depth_mm * self.direction
         x, z = centre + self.press.radius_mm * self.direction
         tip = point_text((float(x), float(z)))

@@ -58,7 +58,7 @@ FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
 followed; over several, the power of a trapped ray is chaotic, and sampling is more efficient.
 """
 SAMPLING_TOLERANCE = 3e-5
-"""Tolerance at or above which only `LAST_LEVELS` are used for an extended source, so its tail is sampled earlier."""
+"""Tolerance at or above which an extended source uses `LAST_LEVELS`, not `FINE_LEVELS`: its tail is sampled earlier."""
 MAX_TAIL_SEGMENTS, TAIL_FACTOR, LAST_FACTOR, MANY_HITS = 120_000_000, 120, 5, 10
 """Maximum number of ray segments of a tail, absolute and relative to the limit of the integration. At levels with fewer
 than ``MANY_HITS`` interfaces, the limit of the integration is multiplied by ``LAST_FACTOR``.
