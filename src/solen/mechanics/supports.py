@@ -204,7 +204,7 @@ def _enclosed(mesh: BodyMesh, nodes: IndexArray) -> IndexArray:
 
 
 def _lines(known: dict[int, Point], body: Body, mesh: BodyMesh, hold: Hold) -> dict[int, Point]:
-    """Return the known sliding directions and those of a hold, keyed by node."""
+    """Return the sliding directions in ``known`` and those that a hold prescribes, keyed by node."""
     lines = dict(known)
     for face, nodes in nodes_on(body, mesh, hold.stretches, hold.name):
         edges = mesh.faces[face.name]

@@ -183,7 +183,7 @@ class Points:
             integral = self._light.point(float(position), self._tolerance, segment_limit(self._tolerance))
             if integral.u > self._tolerance:
                 limit = f"light is trapped or split too often to be integrated to {self._tolerance:g}"
-                remedy = 'set trace.dimension = "extruded"'
+                remedy = 'set trace.dimension = "extruded", with an emitter pattern that is not a fan'
                 raise DesignError("emitter position", value=position, limit=limit, remedy=remedy)
             rows.append(integral.powers[: self._receivers])
         return np.array(rows).reshape(-1, self._receivers)

@@ -98,7 +98,7 @@ class Ledger:
 
 
 UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
-"""Ledger uncertainties when these are unknown."""
+"""Uncertainties of a ledger if they are unknown: all are NaN."""
 
 
 class Detected(Result):
