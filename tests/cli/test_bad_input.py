@@ -235,8 +235,8 @@ SAMPLINGS = [
     (["--seed", "1", "--mode", "power"], "mode power with a fan uses"),
     *((["--sampling", "sobol", "--seed", seed], "--seed") for seed in
       ("-1", "1.5", "x", "", "²", "9223372036854775808", "9" * 40)),
-    (["--tolerance", "1e-6"], "--tolerance = 1e-06; requires sampling adaptive"),
-    (["--sampling", "sobol", "--tolerance", "1e-6"], "requires sampling adaptive"),
+    (["--tolerance", "1e-6"], "--tolerance = 1e-06; applies only to adaptive sampling"),
+    (["--sampling", "sobol", "--tolerance", "1e-6"], "applies only to adaptive sampling"),
     *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
     ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
     ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; must be count or power for adaptive integration"),

@@ -38,7 +38,7 @@ PANELS = 256
 
 
 class Profile(Protocol):
-    """Distribution of a bend: fraction of its angle against the fraction of the stem length below the fork."""
+    """Distribution of a bend: the fraction of its angle, as a function of the fraction of the length below the fork."""
 
     def turn(self, fraction: FloatArray) -> FloatArray:
         """Return the fraction of the angle at fractions of the length; both are 0 at the fork."""

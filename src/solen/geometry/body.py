@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import shapely.geometry.base
 
 GAP_MM = END_TOLERANCE_MM
-"""Maximum distance of the ends of two faces that share a corner; for rays, curves extend as far beyond their ends."""
+"""Maximum gap between two faces at a corner; rays are traced with curves extended by this beyond their ends."""
 Y_REMEDY = "check stem, arm and lens lengths, the arm angle and width, and the motion angles"
 NEARBY_MM = 1e-2
 """The message about an intersection of outlines names the faces within this distance."""
@@ -75,7 +75,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Front:
-    """The surface of a lens that is not a cylinder, which replaces a face of the outline.
+    """A lens surface that is not a cylinder and replaces a face of the outline.
 
     ``interface`` is the name of that face, the middle section of the surface, with the material on its left; ``motion``
     maps the coordinates of the lens to those of the body.
@@ -131,7 +131,7 @@ class Body:
         return {face.name: face for face in (*self.all_faces, *self.separate)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:
-        """Return a closed polyline (N, 2) within ``tolerance_mm`` of the first outline, as `polyline`."""
+        """Return a closed polyline (N, 2) within ``tolerance_mm`` of the first outline; see `polyline`."""
         return polyline(self.faces, tolerance_mm)
 
     def area_mm2(self) -> float:
@@ -141,7 +141,7 @@ class Body:
         return area_mm2(self.outlines)
 
     def check(self) -> "Body":
-        """Return the body; raise `DesignError` with faces and position if it is open, inverted or intersects itself."""
+        """Return the body; raise `DesignError` if an outline is open or wrongly oriented, or if any faces intersect."""
         rings = []
         for outline in self.outlines:
             _check_closed(outline)
@@ -201,7 +201,7 @@ class Body:
         return DesignError(
             "body outline",
             limit=f"intersects itself{text}",
-            remedy=Y_REMEDY if "crotch" in self.marks else "correct the drawing there, or reduce the motion",
+            remedy=Y_REMEDY if "crotch" in self.marks else "correct the design there, or reduce the motion angles",
         )
 
 

@@ -1,4 +1,4 @@
-"""A body deformed by a load: its walls are displaced point by point, remain exact curves and move its parts with them.
+"""A body deformed by a load: its walls are displaced point by point and become exact curves that carry its parts along.
 
 The displacement is specified at points along every wall. A cubic spline through them, as a function of wall length, is
 added to the exact wall. The sum is a smooth curve, which is stored as a spline within `SPLINE_MM`, like a bent wall. A
@@ -42,7 +42,9 @@ GROUND = "ground"
 END_MARGIN = 1e-6
 """Minimum distance of a joint from the ends of a curve, as a fraction of its parameter range."""
 QUARTER_WEIGHTS = np.array([[3.0, 6.0, -1.0], [-1.0, 6.0, 3.0]]) / 8.0
-"""Weights of the first, middle and last node of an edge for its quadratic at one and three quarters of the edge."""
+"""Weights of the first, middle and last node of an edge that give its quadratic at a quarter (first row) and at three
+quarters (second row) of the edge.
+"""
 
 
 class FaceDisplacement(Protocol):
@@ -204,7 +206,7 @@ class DisplacedCurve:
 
 
 def motion_of(body: Body, walls: Mapping[str, DisplacedCurve], pattern: str, key: str) -> Rigid:
-    """Return the rigid motion that best fits the faces with a name; raise `DesignError` if there are none."""
+    """Return the rigid motion that best fits the faces that match a pattern; raise `DesignError` if none does."""
     points = [walls[face.name].matched_points for face in body.all_faces if has_name(face, pattern)]
     if not points:
         known = ", ".join(face.name for face in body.all_faces)
@@ -266,7 +268,7 @@ def _outline(
 
 
 def _close_notch(before: Face, after: Face, last: list[Face], first: list[Face]) -> ClosedNotch | None:
-    """Return the notch between two faces if it has closed, after cutting the displaced segments that meet in it."""
+    """Cut the displaced segments that meet in a closed notch, and return the notch; None if it has not closed."""
     if cross(before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)) >= 0.0:
         return None
     closed = close_notch((before.name, after.name), last[-1].curve, first[0].curve)
@@ -278,7 +280,7 @@ def _close_notch(before: Face, after: Face, last: list[Face], first: list[Face])
 
 
 def _pieces(face: Face, curves: list[Curve], ends: list[float], contacts: list[ContactSegment]) -> list[Face]:
-    """Return the segments of a displaced face, numbered in the direction of its lengths, with their wall tables."""
+    """Return the segments of a displaced face with their wall tables, numbered from the end where its lengths begin."""
     if len(curves) == 1 and not contacts:
         return [replace(face, curve=curves[0])]
     pieces, count = [], len(curves)

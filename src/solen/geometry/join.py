@@ -74,7 +74,7 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
         If an outline is open or branches, or a stroke is drawn twice; the message contains the position.
     """
     if not strokes:
-        raise DesignError("body outline", limit="the drawing contains no curves", remedy="check its layers")
+        raise DesignError("body outline", limit="the drawing contains no curves", remedy="show the layers of the body")
     joints = Joints(strokes, join_mm)
     _check_duplicates(joints)
     outlines: list[list[Face]] = []

@@ -23,7 +23,7 @@ from solen.spec import Design
 
 JOIN_MM = 1e-3
 PIVOTS = ("pivot", "stem-base")
-"""Names of a drawn pivot of the motion; the default pivot is the origin of the drawing."""
+"""Names that a drawing may give to the pivot of the motion; the default pivot is the origin of the drawing."""
 FLAT_MM = 1e-4
 PART_WORDS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
 """First words of the names of the faces that belong to each moving part."""
@@ -53,7 +53,7 @@ def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body
 
 
 def body_as_drawn(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:
-    """Return the body as drawn, with its walls divided; ``emitter_before`` locates its emitter before all faces."""
+    """Return the body as drawn, with its walls divided; ``emitter_before`` returns the emitter pose from all faces."""
     check_names(drawing)
     drawn_outlines, standalone = closed_outlines(
         drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm
@@ -123,8 +123,8 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
     else:
         raise DesignError(
             "emitter",
-            limit=f"the drawing contains {len(drawing.emitters)}, but must contain one: a point, or a line as wide as "
-            "the chip, on a layer called emitter",
+            limit=f"the drawing contains {len(drawing.emitters)} emitters, but must contain one: a point, or a line as "
+            "wide as the chip, on a layer called emitter",
             remedy='specify emitter.point_mm = [x, z], or set body.kind = "network" for several emitters used in turn',
         )
     if table.axis_deg is not None:
@@ -162,7 +162,8 @@ def _rotated(design: Design, rest: Body, angle_deg: float) -> Body:
     missing = part_words - {face.part for face in (*rest.all_faces, *rest.separate)}
     if missing:
         limit = f"the drawing has no face that begins with {min(missing)}"
-        raise DesignError("motion.moves", value=list(moves), limit=limit, remedy="omit the part, or rename the layer")
+        remedy = "omit the part from motion.moves, or rename the layer or element"
+        raise DesignError("motion.moves", value=list(moves), limit=limit, remedy=remedy)
 
     def moved(faces: tuple[Face, ...]) -> tuple[Face, ...]:
         return tuple(replace(f, curve=f.curve.moved(rotation)) if f.part in part_words else f for f in faces)

@@ -14,7 +14,10 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Return a prism with the section of a body at ``y_mm`` from mid-height, without motion; a prism as it is."""
+    """Return a prism with the section of a body at ``y_mm`` from mid-height, without motion.
+
+    A body that is already a prism is returned unchanged.
+    """
     return body if body.front is None else with_front(body, body.front.lens.section(y_mm))
 
 

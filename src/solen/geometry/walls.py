@@ -85,7 +85,7 @@ def _check_table(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
     if wall.to_mm is not None and wall.to_mm - wall.from_mm < MIN_LENGTH_MM:
         limit = f"must exceed from_mm = {wall.from_mm:g} by at least {MIN_LENGTH_MM:g} mm"
-        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the range longer")
+        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="increase to_mm")
     if wall.to_mm is not None and wall.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="omit to_mm to reach the end")

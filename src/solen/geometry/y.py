@@ -202,7 +202,7 @@ class _Join:
     axis: Point
 
     def wall(self, side: Parabola, edge: Point) -> Parabola:
-        """Return the part of a side of the stem that remains."""
+        """Return the part of a side of the stem above the point where the joint begins."""
         start_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - side.vertex[1])
         if self.kind == "smooth":
             start_mm += abs(side.vertex[0])

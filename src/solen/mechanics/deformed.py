@@ -60,7 +60,7 @@ class Contact(Result):
     face
         Name of the face.
     u_from, u_to
-        Parameters of the face's curve at the ends of the part in contact; not in JSON.
+        Parameters of the face's curve at the ends of the part in contact; omitted from JSON.
     from_mm, to_mm
         Ends of this part as lengths along the face, measured as in wall tables.
     depth_mm
@@ -119,7 +119,7 @@ class Deformed:
     picture
         Mesh and strain.
     strain_largest
-        Largest principal strain, ln λ, in magnitude.
+        Largest magnitude of a principal strain, ln λ.
     bulge_mm
         Largest bulge or hollow of the walls at mid-height, relative to top and bottom, if the body is free along y; the
         tenth of the body with the largest bulge is excluded. Rays are traced with vertical walls.

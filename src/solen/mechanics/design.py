@@ -49,7 +49,7 @@ class LoadedState:
     displaced
         The body with walls as exact curves and the emitter carried along.
     design
-        The design with wall tables for the parts that touch the body in this state.
+        The design, with further wall tables for the parts of walls that fingers touch in this state.
     """
 
     value: float

@@ -97,7 +97,7 @@ class Elements:
 
     @property
     def displacement_count(self) -> int:
-        """Number of displacement components."""
+        """Number of displacement degrees of freedom."""
         return 2 * len(self.mesh.points_mm)
 
     @property
@@ -236,7 +236,7 @@ class Elements:
 
     @cached_property
     def _sparsity(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
-        """Order that groups local entries by matrix entry; start and row of each group, and start of each column."""
+        """Order that groups local entries by matrix entry, start and row of each group, first group of each column."""
         rows = np.repeat(self._dofs[:, :, None], self._dofs.shape[1], axis=2).ravel()
         columns = np.repeat(self._dofs[:, None, :], self._dofs.shape[1], axis=1).ravel()
         order = np.lexsort((rows, columns))
@@ -247,7 +247,7 @@ class Elements:
 
 
 def _strain_directions(principal: _Principal) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return strains (…, 3) as xx, zz, 2 xz: isotropic, opposite along the principal axes, and shear between these."""
+    """Return three unit strains (…, 3), each xx, zz, 2 xz: equal, opposite, and shear in the principal directions."""
     cos, sin = principal.cos, principal.sin
     return (
         np.stack([np.ones_like(cos), np.ones_like(cos), np.zeros_like(cos)], axis=-1),

@@ -66,7 +66,7 @@ class Finger:
         return self.press.force_N is not None
 
     def check(self, depth_mm: float, push: float, supported: FloatArray) -> None:
-        """Raise `DesignError` if the finger passed through the body, meets supported points (N, 2) or lost contact."""
+        """Raise `DesignError` if a finger hits supported points (N, 2), passes through the body or loses contact."""
         centre = self.start_mm + depth_mm * self.direction
         x, z = centre + self.press.radius_mm * self.direction
         tip = point_text((float(x), float(z)))
@@ -76,7 +76,7 @@ class Finger:
             limit = f"the finger reaches a supported point, {point_text((float(hit_x), float(hit_z)))}"
             raise DesignError(self.press.name, limit=limit, remedy="press elsewhere, or shorten the hold")
         if self.by_force and depth_mm >= self.body_depth_mm:
-            limit = f"pushes the finger {depth_mm:.3g} mm deep, to {tip}, through a body of {self.body_depth_mm:.3g} mm"
+            limit = f"pushes the finger {depth_mm:.3g} mm, to {tip}, but the body is {self.body_depth_mm:.3g} mm deep"
             remedy = "reduce the force"
             raise DesignError(f"{self.press.name}.force_N", value=self.press.force_N, limit=limit, remedy=remedy)
         if depth_mm > 0.0 and not push > 0.0:

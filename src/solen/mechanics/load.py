@@ -20,7 +20,7 @@ class Stretch:
     Attributes
     ----------
     face
-        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. The number of a piece may be omitted.
+        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. The piece number at its end may be omitted.
     from_mm, to_mm
         Start and end along the face; ``to_mm`` None: the end of the face.
     """

@@ -46,7 +46,8 @@ class Material:
     def __post_init__(self) -> None:
         names = model(self.kind).names
         if len(self.parameters) != len(names):
-            raise DesignError("material.parameters", value=self.parameters, limit=f"{self.kind} takes {len(names)}")
+            limit = f"{self.kind} requires {len(names)} values"
+            raise DesignError("material.parameters", value=self.parameters, limit=limit)
         if not MIN_POISSON <= self.poisson <= 0.5:
             limit = f"must be from {MIN_POISSON} to 0.5: the models are those of nearly incompressible rubbers"
             raise DesignError("mechanics.poisson", value=self.poisson, limit=limit)

@@ -114,7 +114,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
         rings = outline.halved(rings, missing)
     x, z = outline.points[int(np.flatnonzero(missing)[0])]
     limit = f"no triangles fit at {point_text((x, z))}, where the walls are too close to each other"
-    raise DesignError("mesh", limit=limit)
+    raise DesignError("mesh", limit=limit, remedy="separate the walls there")
 
 
 def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> Sizes:

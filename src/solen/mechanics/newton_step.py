@@ -47,7 +47,11 @@ class Problem(NamedTuple):
 
 
 class Prescribed(NamedTuple):
-    """Displacements (N, 2) of fixed nodes; forces on all displacement components and of fingers (0: none), in N/mm."""
+    """Prescribed displacements, and prescribed forces in N per mm of thickness.
+
+    ``displacements`` (N, 2) apply only to the fixed nodes. ``nodal_forces`` has an entry for each displacement degree
+    of freedom, ``finger_forces`` an entry for each finger, which is 0 if the depth of the finger is prescribed.
+    """
 
     displacements: FloatArray
     nodal_forces: FloatArray
@@ -55,7 +59,7 @@ class Prescribed(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """Unknowns of the elements, hinge angles, finger depths, and forces per mm on the contact pairs."""
+    """Displacements and pressures, hinge angles in rad, finger depths in mm, and contact-pair forces (M,) in N/mm."""
 
     unknowns: FloatArray
     angles: FloatArray
@@ -147,7 +151,7 @@ def _change(problem: Problem, factors: Factors, solution: FloatArray, active: Bo
 
 
 def _shortened(problem: Problem, guess: Guess, jump: FloatArray, change: _Change) -> tuple[Guess, float]:
-    """Return the guess after the step, halved until no element is inverted, and the movement in a full step."""
+    """Halve a step until it inverts no element; return the guess after it, and the largest movement in a full step."""
     count = problem.elements.displacement_count
     before = guess.unknowns[:count].reshape(-1, 2)
     radii = np.array([finger.press.radius_mm for finger in problem.fingers])

@@ -89,7 +89,7 @@ class Outcome:
 
     @cached_property
     def _bulge_mm(self) -> float:
-        """Bulge as in `Deformed`: t²/8 times the gradient in x and z of the strain along y, for a thickness t."""
+        """The ``bulge_mm`` of `Deformed`: t²/8 times the slope in the x-z plane of the strain along y; t: thickness."""
         elements = self.problem.elements
         strain = elements.thickness_strain(self.guess.unknowns)[elements.nodes[:, :3]]
         a, b, c = elements.mesh.points_mm[elements.nodes[:, :3]].transpose(1, 0, 2)

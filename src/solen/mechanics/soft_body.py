@@ -158,11 +158,12 @@ class Path:
     problem
         The supported body.
     names, kinds
-        Name of each amount, and the type of its load.
+        Name of each load amount, and the type of its load.
     by_force
         Mask of fingers with a prescribed force.
     unit_pulls
-        Forces on all displacement components for 1 N along x, and along z, of each pull, per mm of thickness.
+        Nodal forces (2 P, displacement degrees of freedom) of P pulls, per mm of thickness: for each pull, a row for
+        1 N along x and a row for 1 N along z.
     thickness_mm
         Thickness of the body.
     passed
@@ -312,7 +313,7 @@ def _problem(soft: SoftBody, states: Sequence[Sequence[Load]]) -> Problem:
 
 
 def _unit_pulls(body: Body, mesh: BodyMesh, pull: Pull) -> FloatArray:
-    """Return the nodal forces (2, displacement components) for a pull of 1 N along x, and for a pull of 1 N along z."""
+    """Return the nodal forces (2, degrees of freedom) for a pull of 1 N along x, and for a pull of 1 N along z."""
     forces = np.zeros((2, len(mesh.points_mm), 2))
     for _, nodes in nodes_on(body, mesh, pull.stretches, pull.name):
         lengths = nodal_lengths(mesh.points_mm, nodes)

@@ -204,7 +204,7 @@ def _enclosed(mesh: BodyMesh, nodes: IndexArray) -> IndexArray:
 
 
 def _lines(known: dict[int, Point], body: Body, mesh: BodyMesh, hold: Hold) -> dict[int, Point]:
-    """Return the known sliding directions and those of a hold, keyed by node."""
+    """Return the sliding directions in ``known`` and those that a hold prescribes, keyed by node."""
     lines = dict(known)
     for face, nodes in nodes_on(body, mesh, hold.stretches, hold.name):
         edges = mesh.faces[face.name]
@@ -238,7 +238,7 @@ def _check_supported(mesh: BodyMesh, supports: Supports) -> None:
 
 
 def _check_piece(supports: Supports, mask: BoolArray) -> None:
-    """Raise `DesignError` if the nodes of a mask (N,) can move as a rigid body."""
+    """Raise `DesignError` if the nodes selected by a mask (N,) can move as a rigid body."""
     points = supports.points_mm
     centre = points[mask].mean(axis=0)
     size = float(np.ptp(points[mask], axis=0).max())
@@ -262,7 +262,7 @@ def _check_piece(supports: Supports, mask: BoolArray) -> None:
     else:
         motion = f"it can shift in the direction ({shift_x:.2g}, {shift_z:.2g})"
     names = ", ".join(group.name for group in supports.groups) or "no holds"
-    remedy = 'support more of it: the kind of a hold is "fixed", "sliding" or "turning"'
+    remedy = 'support more of the body: the kind of a hold is "fixed", "sliding" or "turning"'
     body_text = point_text((float(centre[0]), float(centre[1])))
     raise DesignError("hold", value=names, limit=f"{motion} (the body at {body_text})", remedy=remedy)
 

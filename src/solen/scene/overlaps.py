@@ -70,7 +70,7 @@ def overlap_mm(a: Segment, b: Segment) -> float:
 
 
 def _shared(a: Segment, b: Segment) -> tuple[float, float]:
-    """Interval in mm along the first segment that the second covers; an empty one ends at or before its start."""
+    """Return the interval in mm along ``a`` that ``b`` covers; if it is empty, its end is not above its start."""
     direction = unit(minus(a.b, a.a))
     starts = (minus(b.a, a.a), minus(b.b, a.a))
     if any(abs(cross(direction, start)) > LINE_TOLERANCE_MM for start in starts):

@@ -58,7 +58,7 @@ FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
 followed; over several, the power of a trapped ray is chaotic, and sampling is more efficient.
 """
 SAMPLING_TOLERANCE = 3e-5
-"""Tolerance at or above which the tail of an extended source is sampled from the last levels on."""
+"""Tolerance at or above which an extended source uses `LAST_LEVELS`, not `FINE_LEVELS`: its tail is sampled earlier."""
 MAX_TAIL_SEGMENTS, TAIL_FACTOR, LAST_FACTOR, MANY_HITS = 120_000_000, 120, 5, 10
 """Maximum number of ray segments of a tail, absolute and relative to the limit of the integration. At levels with fewer
 than ``MANY_HITS`` interfaces, the limit of the integration is multiplied by ``LAST_FACTOR``.
@@ -171,19 +171,20 @@ class Points:
         self._receivers = len(scene.receivers)
 
     def powers(self, positions: Sequence[float]) -> np.ndarray:
-        """Return power fractions (n, receivers) for positions (n,) from 0 at the right end to 1 at the left end.
+        """Return power fractions (n, receivers) for positions (n,) on the source, from 0 (right end) to 1 (left end).
 
         Raises
         ------
         DesignError
-            If the tolerance is not reached at every position.
+            If the tolerance is not reached at one of the positions.
         """
         rows = []
         for position in positions:
             integral = self._light.point(float(position), self._tolerance, segment_limit(self._tolerance))
             if integral.u > self._tolerance:
-                limit = f"the light must be integrated to {self._tolerance:g}, but its paths split too often"
-                raise DesignError("emitter position", value=position, limit=limit, remedy="trace a fan")
+                limit = f"light is trapped or split too often to be integrated to {self._tolerance:g}"
+                remedy = 'set trace.dimension = "extruded", with an emitter pattern that is not a fan'
+                raise DesignError("emitter position", value=position, limit=limit, remedy=remedy)
             rows.append(integral.powers[: self._receivers])
         return np.array(rows).reshape(-1, self._receivers)
 
@@ -294,7 +295,7 @@ def integration_obstacle(scene: Scene) -> str:
         for source in scene.sources
         if source.emission() is None or (in_space and isinstance(source, Ambient))
     ]
-    return f"a source {unsupported[0]}" if unsupported else ""
+    return f"a source of type {unsupported[0]}" if unsupported else ""
 
 
 def is_extended(scene: Scene) -> bool:
@@ -318,7 +319,7 @@ def segment_limit(tolerance: float) -> int:
 
 
 def cause(integral: Integral) -> str:
-    """Return why the uncertainty is not smaller, and the remedy."""
+    """Return the reason why an integral does not reach its tolerance, and the remedy."""
     if integral.unfinished > integral.error + integral.gaps:
         return f"{integral.unfinished:.1e} of the light meets more than max_hits interfaces; increase max_hits"
     return "light is trapped or split too often; increase the tolerance or max_segments"
@@ -402,7 +403,7 @@ class Lights:
         """The first source of a planar scene."""
         light = self.each[0]
         if isinstance(light, LightInSpace):
-            raise DesignError("emitter in space", limit="is not supported here", remedy="omit extrusion")
+            raise DesignError("emitter in space", limit="cannot be integrated point by point", remedy="omit extrusion")
         return light
 
     def trace(self, tolerance: float, max_segments: int | None = None) -> Trace:

@@ -59,7 +59,7 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Rays of one source and one group: every ``step``-th from ``first`` on, numbered over all sources."""
+    """Rays of one source and one group: every ``step``-th ray from number ``first`` on, counted over all sources."""
 
     source: int
     group: int

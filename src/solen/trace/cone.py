@@ -51,7 +51,7 @@ eighty rays.
 MIN_PIECE = 1e-10
 """Fraction of the cone below which pieces are ignored: they result from the extension of curves beyond their ends."""
 MAX_NEW_GAPS = 1e-11
-"""Largest increase of the gaps between moved pieces, as a fraction of the cone, for all to be considered located."""
+"""Increase of the gaps between moved pieces, as a fraction of the cone, up to which all pieces count as located."""
 
 # Nodes in [−1, 1] and weights of the Kronrod rule; the Gauss rule uses every second node.
 _HALF_NODES = (
@@ -230,7 +230,7 @@ class Cone:
 
 
 class _Buffers(threading.local):
-    """Working memory of each thread, by size."""
+    """Working memory of each thread, keyed by size."""
 
     def __init__(self) -> None:
         self.by_size: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}

@@ -54,7 +54,7 @@ _SEGMENTS = {
         DIMENSIONLESS,
         "power at the start of the segment polarised in the plane, as a fraction of the emitted power",
     ),
-    "kept": (DIMENSIONLESS, "fraction of that power remaining at the end of the segment"),
+    "kept": (DIMENSIONLESS, "fraction of the power at the start of the segment that remains at its end"),
     "optical_path_mm": ("mm", "optical path length from the source to the start of the segment"),
 }
 
@@ -136,7 +136,7 @@ def _totals(trace: Trace) -> dict[str, _Variable]:
     return {
         "fate": (("fate",), fates, {"long_name": "fate of the power"}),
         "ledger": _real(("fate",), ledger, DIMENSIONLESS, "fraction of the emitted power; the sum is 1"),
-        "u_ledger": _real(("fate",), u_ledger, DIMENSIONLESS, "uncertainty of that fraction"),
+        "u_ledger": _real(("fate",), u_ledger, DIMENSIONLESS, "uncertainty of the fraction of the emitted power"),
         "u_missed": _real((), trace.u_missed, DIMENSIONLESS, "uncertainty of missed"),
         "u_leaked": _real((), trace.u_leaked, DIMENSIONLESS, "uncertainty of leaked"),
         "missed": _real((), trace.missed, DIMENSIONLESS, "escaped power that passed above or below all bodies"),

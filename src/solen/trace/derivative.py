@@ -136,7 +136,7 @@ def derivative(
 
 
 NOISE = 1e-13
-"""Rounding error of an integral over the same pieces."""
+"""Rounding error of an integral that is repeated over the same pieces."""
 LightsAt = Callable[[float], Lights]
 
 

@@ -62,7 +62,7 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
 
 
 def _sides(lines: Sequence[FloatArray], max_length: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Sides of all polylines, subdivided to at most ``max_length``: polyline index, first point and last point."""
+    """Return the sides of all polylines, divided to at most ``max_length``: polyline index and both ends of each."""
     starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
     parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / max_length), 1).astype(np.int64)

@@ -84,7 +84,7 @@ class _Batch:
         self.sums = of_tasks(len(tasks), sum(receivers), sum(monitors), sum(bins))
 
     def bounds(self, threads: int) -> list[int]:
-        """Return the bounds of the threads' tasks, chosen such that each thread has about the same number of rays."""
+        """Return the first task of each thread, and the end of the last; threads have about equal numbers of rays."""
         rays = self.layout.ray
         inner = np.searchsorted(rays, np.arange(1, threads) * rays[-1] / threads)
         return [0, *(int(task) for task in inner), len(self.tasks)]
@@ -130,7 +130,7 @@ class _Batch:
         return tally.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
 
     def results(self) -> list[Trace]:
-        """Return the results by scene."""
+        """Return the trace of each scene."""
         parts: list[list[list[tally.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
         rays = [[np.zeros(job.groups(source), dtype=np.int64) for source in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):

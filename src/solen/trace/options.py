@@ -17,11 +17,11 @@ MAX_PATHS = 100_000
 
 
 class TraceOptions(Options):
-    """Options for the choice and propagation of rays."""
+    """Options that determine which rays are traced, how they propagate, and what is reported."""
 
     mode: Mode | None = None
     """Physics: count (refraction or total reflection), power (Fresnel, both branches) or roulette (Fresnel, one branch
-    drawn at random); default: trace.mode of a design, power for a scene.
+    chosen at random); default: trace.mode of a design, power for a scene.
     """
     sampling: Literal["fan", "sobol", "adaptive"] = "fan"
     """Ray selection: fan (uniformly spaced), sobol (independent samples) or adaptive (integration over the launch
@@ -43,13 +43,13 @@ class TraceOptions(Options):
         if self.sampling != "adaptive":
             if self.tolerance is not None:
                 remedy = "set sampling to adaptive, or omit tolerance"
-                raise refused("tolerance", "requires sampling adaptive", value=self.tolerance, remedy=remedy)
+                raise refused("tolerance", "applies only to adaptive sampling", value=self.tolerance, remedy=remedy)
             return self
         single = "single" if self.precision == "single" else None
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
             if value is not None:
-                limit = "does not apply with sampling adaptive"
-                raise refused(name, limit, value=value, remedy="omit it, or choose another sampling")
+                limit = "does not apply to adaptive sampling"
+                raise refused(name, limit, value=value, remedy=f"omit {name}, or set sampling to fan or sobol")
         return self
 
 
@@ -70,7 +70,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     SpecError
         For an option that has no effect on this scene, or that its sources or monitors do not support.
     DesignError
-        As in `trace` and `integrate`.
+        As in `solen.trace.trace` and `solen.trace.integrate`.
     """
     mode = options.mode or usual_mode
     if options.sampling == "adaptive":

@@ -38,7 +38,7 @@ class Reading:
         return self.sums.get(fate, 0.0) / self.rays
 
     def error(self, fate: str) -> float:
-        """Standard error of that fraction."""
+        """Standard error of `mean`."""
         mean = self.mean(fate)
         return math.sqrt(max(self.squares.get(fate, 0.0) / self.rays - mean * mean, 0.0) / self.rays)
 

@@ -119,7 +119,7 @@ def _coated(coating: Coating, ray: Arrival, through: Part, back: Part) -> tuple[
 
 
 def _tabulated(surface: Surface, ray: Arrival, through: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
-    """Return the parts by the table for the side of the ray; all light is reflected if Snell's law has no solution."""
+    """Return both parts, from the table for the side of the ray; without a refracted ray, all light is reflected."""
     table = table_fractions(surface, ray.from_right, ray.cos)
     direction = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
     ts, tp = (table.ts, table.tp) if direction is not None else (0.0, 0.0)

@@ -98,7 +98,7 @@ class Ledger:
 
 
 UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
-"""Ledger uncertainties when these are unknown."""
+"""Uncertainties of a ledger if they are unknown: all are NaN."""
 
 
 class Detected(Result):
@@ -202,7 +202,7 @@ class Trace(Result):
 
     @reported
     def u_power(self) -> float:
-        """Largest ``u_power`` of any receiver; without receivers 0, or 1 if an integration missed its tolerance."""
+        """Largest ``u_power`` of all receivers; without receivers: 0, but 1 if an integration missed its tolerance."""
         return max((reading.u_power for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:

@@ -111,7 +111,7 @@ class SceneFile:
 
     @property
     def length_unit(self) -> str:
-        """Length unit."""
+        """Unit of the lengths in the file: mm in a solen scene."""
         return "mm" if self.imported is None else "unit of the file"
 
 
@@ -171,12 +171,12 @@ def scene_check(file: SceneFile) -> SceneCheck:
 
 
 def open_scene(path: Path, *, facets: bool) -> SceneFile:
-    """Open a scene file of either format; raise `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
+    """Open a scene file; raise `DataError` if it has neither format. For ``facets`` see `rayoptics.loads`."""
     text = files.read_text(path, DataError)
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as bad:
-        raise DataError(str(path), limit=f"not JSON: {bad}") from None
+        raise DataError(str(path), limit=f"is not JSON: {bad}") from None
     if rayoptics.recognised(data):
         imported = rayoptics.loads(text, str(path), facets=facets)
         return SceneFile(imported.scene, imported)

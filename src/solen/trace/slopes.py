@@ -31,7 +31,11 @@ estimated from halving. The estimate for a point is based on fewer cells, and po
 
 
 class Slopes(NamedTuple):
-    """Changes of powers (D,) per unit of a parameter, differences from a fit of lower degree, and the rule error."""
+    """Derivatives of the receiver powers with respect to a parameter.
+
+    ``value`` (D,) are the derivatives, ``fit_difference`` (D,) their differences from a fit of lower degree, and ``u``
+    is the error of the integration rules.
+    """
 
     value: FloatArray
     fit_difference: FloatArray

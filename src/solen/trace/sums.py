@@ -49,7 +49,7 @@ def empty(job: Job, segments: int = 0) -> tally.Sums:
 
 
 def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> tally.Sums:
-    """Return empty sums for many tasks, which have these total numbers of receivers, monitors and map bins."""
+    """Return empty sums for many tasks with these total numbers of receivers, monitors and map bins."""
     return tally.Sums(
         fate=np.zeros((tasks, REFLECTED + 1)),
         detected=np.zeros(receivers),

@@ -30,7 +30,7 @@ STUDENT_FACTOR = 1.07
 
 
 class Tail(NamedTuple):
-    """Light from a source whose tail is sampled; ``family_of`` returns the family of rays of a spectral line."""
+    """The tail of a source; ``family_of`` returns the family of rays at the spectral line with a given index."""
 
     walls: Walls
     source: Source

@@ -57,7 +57,7 @@ class Feature(_FileTable):
     stage
         Name of the run in which it is printed.
     exposure_s
-        Exposure, if different from that of the layers.
+        Exposure time, if different from that of the layers.
     grey
         Grey level of its pixels as a fraction of the full level; None for the full level.
     """
@@ -180,7 +180,7 @@ class Coupon(_FileTable):
     readings
         Interpretations of the source.
     cautions
-        Warnings before printing.
+        Instructions and warnings for printing and measuring the coupon.
 
     Raises
     ------
@@ -236,7 +236,7 @@ class Coupon(_FileTable):
         excess_y = abs(feature.y_mm) + 0.5 * feature.depth_mm - 0.5 * self.slab.depth_mm
         if max(excess_x, excess_y) > -TOUCH_MM:
             size = f"{self.slab.width_mm:g} x {self.slab.depth_mm:g} mm"
-            raise SpecError(subject, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
+            raise SpecError(subject, limit=f"does not fit on the slab of {size}", remedy="reduce its size")
 
     def feature(self, name: str) -> Feature:
         """Return the feature with a given name; raise `KeyError` if there is none."""

@@ -28,27 +28,29 @@ class CouponOptions(Options):
     reference_reading: Literal["literal", "staircase"] = "literal"
     """Pillars of "1.000 mm, 1.025 mm, and 0.025 mm". literal: as written; staircase: 1.050 mm as the third."""
     gap_reading: Literal["pairs", "row"] = "pairs"
-    """Twelve gaps between the cylinders of group B, in separate pairs or in a single row of thirteen."""
+    """Arrangement of the twelve gaps of group B: between separate pairs of cylinders, or in one row of thirteen."""
     spacing_mm: Size = 1.0
     """Free distance between separate features."""
     bevel_mm: Annotated[float, Field(ge=0, le=1e6)] = 0.6
-    """Legs of the chamfered corner that orients a slab; 0 omits the bevel."""
+    """Leg length of the chamfer on the corner that orients a slab; 0 omits the chamfer."""
     marks: bool = True
     """Three round marks on slabs with pillars, which orient an image; --marks=false omits them."""
     layer_um: Size = 25.0
     """Layer thickness of discs, ledges and the single layer."""
     pitch_um: Size | None = None
-    """Pixel pitch of the printer; if specified, all features are centred on pixel corners and drawn identically."""
+    """Pixel pitch of the printer; if specified, all features are centred on pixel corners, so equal features have equal
+    pixels.
+    """
     exposure_s: Size = 2.0
-    """Exposure of a layer."""
+    """Exposure time of a layer."""
     burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
     """Number of first layers with a longer exposure (burn-in)."""
     burn_in_s: Size = 3.0
-    """Exposure of the burn-in layers."""
+    """Exposure time of the burn-in layers."""
     irradiance_mW_per_cm2: Size = 13.0
     """Irradiance at the window of the vat."""
     disc_exposures_s: Sizes = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
-    """Exposures of the cure discs, in printing order."""
+    """Exposure times of the cure discs, in printing order."""
     greys: Sizes = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 1.0)
     """Grey levels of the discs of the grey-steps coupon, as fractions of the full level."""
     grey_exposure_s: Size = 6.0

@@ -70,7 +70,7 @@ def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
         "take images of the top, the bottom, and the side view along the bars: the upper half of the waist shows the "
         "resin that later light cures below a ledge, the lower half the resin that is missing; the first bar has no "
         "ledges",
-        "print it flat, with the layer thickness for which it was made: --layer-um",
+        "print the bars flat, with the layer thickness for which they were designed: --layer-um",
     )
     taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm per layer, over {2 * half_count} layers"
     readings = (Reading("ledges", "none", f"added by solen, for layered lenses: {taken}"),)
@@ -85,8 +85,8 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
         Stage(
             "layer",
             FILM_BASE_MM + options.film_mm,
-            f"cure a film of {options.film_mm:g} mm onto the base, then set the zero of the printer with it: at the "
-            f"first layer, the platform must be {FILM_BASE_MM + options.film_mm:g} mm higher than without base and "
+            f"cure a film of {options.film_mm:g} mm onto the base, then set the zero of the printer on this film: at "
+            f"the first layer, the platform must be {FILM_BASE_MM + options.film_mm:g} mm higher than without base and "
             f"film, and {options.film_mm:g} mm higher than with the base alone",
         ),
     )

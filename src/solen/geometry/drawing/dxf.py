@@ -80,7 +80,7 @@ def _scale(path: Path, insunits: int, units: str | None) -> float:
     if units is not None:
         return UNITS_MM[units]
     if insunits not in INSUNITS_MM:
-        limit = "does not specify its unit" if insunits == 0 else f"has an unsupported unit ({insunits})"
+        limit = "the drawing does not specify its unit" if insunits == 0 else "is the number of an unsupported unit"
         raise DataError(f"{path}: $INSUNITS", value=insunits, limit=limit, remedy=NO_UNITS_REMEDY)
     return INSUNITS_MM[insunits]
 

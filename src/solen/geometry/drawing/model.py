@@ -11,7 +11,7 @@ EMITTER = "emitter"
 WALL = "wall"
 """Name of a face without a name of its own."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-NO_UNITS_REMEDY = 'specify it, for example body.units = "mm"'
+NO_UNITS_REMEDY = 'specify the unit, for example body.units = "mm"'
 
 
 @dataclass(frozen=True)

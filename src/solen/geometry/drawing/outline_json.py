@@ -26,7 +26,7 @@ def read_json(path: Path, units: str | None) -> Drawing:
         )
     data = parse_json(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
-        raise DataError(where, limit="not a solen outline: the key solen_outline is missing")
+        raise DataError(where, limit="is not a solen outline: the key solen_outline is missing")
     check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
     if data["solen_outline"] != VERSION:
         raise DataError(
@@ -52,5 +52,5 @@ def _stroke(data: dict[str, Any], where: str, number: int) -> Stroke:
     check_keys(data, {"name", "curve"}, {"name", "curve"}, where)
     name = value_of(str, data["name"], f"{where}: name")
     if not isinstance(data["curve"], dict):
-        raise DataError(f"{where}: curve", limit="must be an object with a kind")
+        raise DataError(f"{where}: curve", limit="must be an object with the key kind")
     return Stroke(face_name(name), build_kind(data["curve"], CURVES, f"{where}: curve"), f"face {number} ({name})")

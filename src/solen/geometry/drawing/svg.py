@@ -49,7 +49,7 @@ PIXEL_MM = 25.4 / 96
 """Length of a user unit in a drawing without a view box."""
 MAX_CLONE_DEPTH = 16
 SMOOTH_RAD = 1e-3
-"""Maximum angle in radians of a smooth joint between Bézier segments; programs write smooth nodes within it."""
+"""Maximum angle in radians between Bézier segments that join smoothly; programs write smooth nodes more accurately."""
 
 
 def read_svg(path: Path, units: str | None) -> Drawing:
@@ -57,7 +57,7 @@ def read_svg(path: Path, units: str | None) -> Drawing:
     try:
         root = ET.fromstring(read_text(path, DataError))  # noqa: S314  expat limits the expansion of entities
     except ET.ParseError as bad:
-        raise DataError(str(path), limit=f"not SVG: {bad}") from None
+        raise DataError(str(path), limit=f"is not SVG: {bad}") from None
     if _tag(root) != "svg":
         raise DataError(str(path), value=_tag(root), limit="must be an SVG file with the root element svg")
     scale = _scale(path, root, units)
@@ -65,7 +65,7 @@ def read_svg(path: Path, units: str | None) -> Drawing:
 
 
 def _scale(path: Path, root: ET.Element, units: str | None) -> float:
-    """Return millimetres per user unit, from the width in mm or inches and the view box."""
+    """Return millimetres per user unit, from the width or height in a unit of length and the view box."""
     if units is not None:
         return UNITS_MM[units]
     box = [float(number) for number in NUMBER.findall(root.get("viewBox", ""))]
@@ -78,7 +78,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
                 raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
             scale.append(length_mm / box[index] if len(box) == 4 else PIXEL_MM)
     if not scale:
-        limit = "does not specify its unit: neither width nor height is in mm, cm, in or pt"
+        limit = "the drawing does not specify its unit: neither width nor height is in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
     if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
         limit = "distorts the drawing: width and height are scaled differently"
@@ -141,7 +141,7 @@ class _Reader:
         """Collect the point, the emitter or the strokes of an element."""
         segments = [segment.moved(transform) for segment in segments]
         if not segments:
-            raise DataError(f"{self._where}: {what}", limit="has no size", remedy="give it one or remove it")
+            raise DataError(f"{self._where}: {what}", limit="has no size", remedy="give it a size, or remove it")
         if is_round and is_called(name, "pivot"):
             self._points.append((name, segments[0].points[0]))
         elif is_round and is_called(name, EMITTER):

@@ -38,7 +38,7 @@ class Run:
     first: Point | None = None
     last: Point | None = None
     heading_deg: float | None = None
-    """Direction of the guide if it is straight, has a constant width, and its direction was specified."""
+    """Direction of a straight guide of constant width whose direction was specified; None for other guides."""
     extension_mm: float = 0.0
     """Length by which a straight wall may be extended beyond the first section of its guide to meet another straight
     wall.
@@ -90,9 +90,10 @@ def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point
 
 
 def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: bool) -> Run:
-    """Return a wall from a height above the section through ``base``; raise `DesignError` if it ends below that height.
+    """Return the part of a wall whose distance from the section through ``base`` is at least ``height_mm``.
 
-    The section is at the end of the wall if ``at_end`` is set, otherwise at its start.
+    Distances are measured along ``ahead``. The section is at the end of the wall if ``at_end`` is set, otherwise at its
+    start. `DesignError` is raised if no part of the wall is that far from the section.
     """
     from scipy.optimize import brentq
 
@@ -202,7 +203,7 @@ def _filleted(arriving: Run, departing: Run, radius_mm: float, node: str) -> tup
             value=radius_mm,
             limit=f"must be at most {max_radius_mm:.3g} mm: the walls of {arriving.guide} and {departing.guide} leave "
             f"no more room at {point_text(arriving.end)}",
-            remedy="make it smaller",
+            remedy="reduce fillet_mm",
         )
     first_run, second_run, center = tangents
     first, last = first_run.end, second_run.start

@@ -104,7 +104,13 @@ def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[st
 
 
 def _with_listed_names(design: Design, rest: Body) -> Body:
-    """Return the body with lenses and receivers named as in the design; raise `DesignError` if it lists other parts."""
+    """Return the body with lenses and receivers named as in the design.
+
+    Raises
+    ------
+    DesignError
+        If the parts listed in the design differ from the drawn ones.
+    """
     names: dict[tuple[str, str], str] = {}
     faces = (*rest.all_faces, *rest.separate)
     for part, key in (("lens", "lenses"), ("receiver", "receivers")):

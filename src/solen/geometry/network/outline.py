@@ -27,15 +27,15 @@ ROUNDING_MM = 1e-9
 
 @dataclass
 class Walk:
-    """The sides of guides, the next side of each in the walk, and the faces between a side and the next."""
+    """The sides of guides; for each side, the side that follows it in the walk, and the faces between the two."""
 
     plan: Plan
     runs: dict[SideKey, Run]
     following: dict[SideKey, SideKey] = field(default_factory=dict)
     between: dict[SideKey, list[Face]] = field(default_factory=dict)
     frames: dict[str, Rigid] = field(default_factory=dict)
-    """Motion from local coordinates, keyed by name: those of each lens, or of an emitter without a lens, with z = 0 on
-    its wall.
+    """Motions from local coordinates to those of the body, keyed by the name of a lens or of an emitter without a lens.
+    The wall is at z = 0 in local coordinates.
     """
 
     @classmethod
@@ -121,7 +121,7 @@ class Walk:
     def _lens_between(
         self, placed: PlacedLens, start: Point, end: Point, base: Point, inward: Point, name: str
     ) -> list[Face]:
-        """Return a lens across an end or on a side, between straight faces if it is narrower."""
+        """Return the faces of a lens across an end or on a side, and those beside it if the lens is narrower."""
         lens = self.plan.lenses[placed.name]
         room_mm = math.dist(start, end)
         if 2.0 * lens.half_width_mm > room_mm + ROUNDING_MM:
@@ -240,7 +240,7 @@ class Walk:
         return (part.at_mm or 0.0) - half_mm, (part.at_mm or 0.0) + half_mm
 
     def _on_side(self, side_face: Face, at_mm: float, placed: Placed) -> tuple[Rigid, Point]:
-        """Return the motion from the coordinates of a part on a straight side, and the direction into the guide."""
+        """Return the motion from the coordinates of a part on a straight side to the body, and the inward direction."""
         if not isinstance(side_face.curve, Segment):
             middle_text = point_text(side_face.curve.middle_point)
             limit = f"is not straight near {middle_text}"

@@ -23,7 +23,7 @@ from solen.spec.network import Guide, NamedMotion, Network, PlacedLens
 from solen.spec.placed import lens_table, lit
 
 MAX_MISMATCH_MM = 1e-9
-"""Maximum distance between the end of a guide and its node."""
+"""Maximum distance between the computed end of a guide and the specified position of the node at that end."""
 
 
 @dataclass(frozen=True)

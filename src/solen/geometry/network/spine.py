@@ -201,7 +201,7 @@ class Spine:
 
     @cached_property
     def _panel_points(self) -> FloatArray:
-        """Points (N, 2) of a bent free line at the ends of its panels, of which each cubic has `PANELS`."""
+        """Points (N, 2) of a bent free line at the ends of its panels, `PANELS` for each of its cubics."""
         assert self.free is not None  # noqa: S101  only called for a free line
         ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
         displacements = np.cumsum(self._displacements(ends[:-1], ends[1:]), axis=0)
@@ -223,7 +223,7 @@ class Spine:
         return ArcLength(self.free)
 
     def _wall_functions(self, offset: Offset) -> tuple[Function, Function]:
-        """Return the points and velocities of a wall of a straight line or an arc, as functions of the fraction."""
+        """Return the points and velocities of a wall of a line or an arc, as functions of the length fraction."""
         slope, per_mm = polynomial.polyder(offset), math.radians(self.turn_deg) / self.length_mm
 
         def point(u: FloatArray) -> FloatArray:
@@ -243,7 +243,7 @@ class Spine:
         return point, velocity
 
     def _directions(self, s: FloatArray, fraction: float = 1.0) -> FloatArray:
-        """Return unit directions (N, 2) at lengths along it, or after only a fraction of the turn."""
+        """Return unit directions (N, 2) at lengths ``s`` along a line, with its turn multiplied by ``fraction``."""
         angle = fraction * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
         return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])

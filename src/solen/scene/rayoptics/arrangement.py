@@ -151,7 +151,7 @@ def _product(glasses: Iterable[Glass]) -> Cauchy:
     for glass in glasses:
         if c and glass.b_um2:
             limit = "is a third dispersive glass at the same position, but only two may overlap"
-            raise DesignError(f"glass {glass.name}", limit=limit, remedy="set cauchyB of the others to 0")
+            raise DesignError(f"glass {glass.name}", limit=limit, remedy="set cauchyB of one of the glasses to 0")
         a, b, c = a * glass.a, a * glass.b_um2 + b * glass.a, b * glass.b_um2 + c * glass.a
     return Cauchy(A=a, B_um2=b, C_um4=c)
 

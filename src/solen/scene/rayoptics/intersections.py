@@ -28,7 +28,7 @@ PARALLEL = 1e-7
 SLIVER = 1e-9
 """Smallest fraction of a cubic that is cut off."""
 STEPS = 60
-"""Maximum number of bisections or Newton steps."""
+"""Number of steps of a ternary search, and maximum number of Newton steps."""
 
 
 def part(curve: Curve, low: float, high: float) -> Curve:
@@ -100,7 +100,7 @@ def _parameter_on_arc(arc: Arc, point: Point) -> float:
 
 
 def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
-    """Return the parameter of the point on a curve nearest to another point, by bisection from the nearest samples."""
+    """Return the parameter of the point on a curve nearest to another point, by ternary search around near samples."""
     u = samples(curve)
     points = curve.points(u)
     distance = np.hypot(*(points - np.array(point)).T)
@@ -120,7 +120,7 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
 
 
 def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Parameters]:
-    """Return crossings of a curve with a segment, which is extended backwards to a ray from well before its start."""
+    """Return the parameter pairs at which a segment crosses a curve, from a ray that begins well before the segment."""
     direction = unit(minus(line.b, line.a))
     if isinstance(other, Segment) and abs(cross(direction, unit(minus(other.b, other.a)))) < 1e-12:
         return []

@@ -159,10 +159,10 @@ def _check_above(base: Segment, lower: At, upper: At) -> None:
 
 
 def _without_spike(first: float, last: float) -> tuple[float, float]:
-    """Common part of the first and last chords of an outline at the end of its base, as fractions of these chords.
+    """Return the fractions of the first and of the last chord of an outline at which the two chords coincide.
 
-    The outline leaves the base towards the height ``first`` and returns from the height ``last``. If both heights are
-    on the same side, the lower of the two chords is traversed in both directions and is not a surface.
+    The outline leaves the end of its base towards the height ``first`` and returns from the height ``last``. If both
+    heights are on the same side, the lower of the two chords is traversed in both directions and is not a surface.
     """
     if not first * last > 0.0:
         return 0.0, 0.0

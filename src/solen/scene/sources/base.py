@@ -152,7 +152,8 @@ class Source(ABC):
         check_numbers("source", self.power)
         if not MIN_POWER <= self.power <= MAX_POWER:
             limit = f"must be from {MIN_POWER:g} to {MAX_POWER:g}"
-            raise DesignError("source power", value=self.power, limit=limit, remedy="only ratios of powers matter")
+            remedy = "scale the powers of all sources: only their ratios matter"
+            raise DesignError("source power", value=self.power, limit=limit, remedy=remedy)
         check_range("source s_share", self.s_share, 0.0, 1.0)
         for line in self.spectrum:
             _check_line(line)

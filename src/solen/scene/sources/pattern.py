@@ -264,7 +264,7 @@ def _up_to_90(half: float) -> float:
 
 
 def _segment(fraction: FloatArray, amounts: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the index of the amount in which a fraction of their sum lies, and how much of that amount precedes it."""
+    """Return the index of the amount at which the running sum reaches a fraction of the total, and the part needed."""
     cumulative = np.concatenate([[0.0], np.cumsum(amounts)])
     target = fraction * cumulative[-1]
     index = np.clip(np.searchsorted(cumulative, target, side="right") - 1, 0, len(amounts) - 1)

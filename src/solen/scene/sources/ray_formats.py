@@ -85,7 +85,8 @@ def _read(path: Path, _changed: int) -> RaySet:
     try:
         data = path.read_bytes()
     except OSError as bad:
-        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="name a file") from None
+        limit = f"cannot be read: {bad.strerror or bad}"
+        raise DataError(str(path), limit=limit, remedy="specify a readable file") from None
     what = str(path)
     if data[:4] == b"TM25":
         return _tm25(data, what)
@@ -134,7 +135,7 @@ def _tm25(data: bytes, what: str) -> RaySet:
     numbers = _rays(data, position, count, width, what)
     spectrum = ((wavelength_nm, 1.0),) if colours == 1 else spectrum if colours == 3 else ()
     if colours == 3 and tables != 1:
-        raise DataError(f"{what}: header, spectral tables", value=tables, limit="there must be one table for all rays")
+        raise DataError(f"{what}: header, spectral tables", value=tables, limit="must be 1: one table for all rays")
     flux = 6 if radiant == 1 else 6 + by_ray
     return _ray_set(_Columns(numbers, flux, 6 + radiant if by_ray == 1 else None, 1.0), spectrum, what)
 

@@ -70,7 +70,7 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:
-    """Return where chips begin or end, in ascending order; if ``both``, also their mirror images and the axis."""
+    """Return the ends of the chips in ascending order; if ``both``, also their mirror images, and the axis."""
     ends = np.concatenate([chips.offset - 0.5 * chips.width, chips.offset + 0.5 * chips.width])
     ends = np.sort(np.concatenate([ends, [0.0], -ends]) if both else ends)
     return np.asarray(ends[np.append(True, np.diff(ends) > MIN_DISTANCE_MM)])

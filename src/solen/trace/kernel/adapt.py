@@ -44,7 +44,9 @@ class Samples(NamedTuple):
     """(D + 2,) powers of the last ray traced"""
     stack: Floats
     counts: IntArray
-    """(6,) numbers of samples, segments, pieces, rays, all segments, and undefined rays in the quadrature"""
+    """(6,) numbers of stored samples, of their segments, of pieces, of all rays and segments traced, and of undefined
+    rays in the quadrature
+    """
 
 
 class Pieces(NamedTuple):

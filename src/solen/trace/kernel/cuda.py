@@ -298,7 +298,7 @@ class GpuScene:
             columns = sums
 
     def _locations(self) -> NDArray[np.float64]:
-        """Return the first locations of both kinds, in the order of the threads."""
+        """Return the first locations of undefined and of truncated rays, in the order of the threads."""
         locations = np.full(self._like.location.shape, math.nan)
         counts = _to_host(self._columns.counts)
         for kind, count in enumerate((UNDEFINED, TRUNCATIONS)):

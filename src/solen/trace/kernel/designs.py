@@ -46,7 +46,7 @@ def prepare(
     poses: FloatArray,
     soundness: IntArray,
 ) -> None:
-    """Write the tables of a design, its emitter poses (A, 3) and its codes (A,) at each angle."""
+    """Write the tables of a design, its emitter poses (A, 3) and its soundness codes (A,) at each angle."""
     y, first = y_row(sensors.body, d), 0
     front = front_of(y)
     for a in range(len(angle_deg)):

@@ -218,7 +218,7 @@ def misses_box(box: Floats, x: float, z: float, per_x: float, per_z: float, near
 
 @compiled
 def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
-    """As `nearest`: tests all straight pieces together, and others if their boxes are ahead and near enough."""
+    """As `nearest`, but test all straight pieces together and others only if their boxes are ahead and near enough."""
     s, distance = walls.line, walls.distance
     x, z, dx, dz, last, _ = ray
     for i in range(len(distance)):

@@ -18,7 +18,7 @@ from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
 Tags = NDArray[np.signedinteger]
-"""Integers of the same width as the floating-point numbers, so that as many fit into a register."""
+"""Integers of the same width as the floating-point numbers, so that equally many fit into a register."""
 N = TypeVar("N", float, np.signedinteger)
 TYPES: dict[Any, type[np.number]] = {types.float32: np.float32, types.int32: np.int32, types.int64: np.int64}
 

@@ -14,7 +14,7 @@ from solen.trace.kernel.rows import ABSORBING, MIRROR, RECEIVER, Precision
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 
 COUNT, BRANCHES, ROULETTE = range(3)
-"""Treatment of partial reflection: all light is transmitted, both parts are followed, or one random part."""
+"""Treatment of partial reflection: transmit all light, follow both parts, or follow one part chosen at random."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
 """Treatment of partial reflection by trace mode."""
 

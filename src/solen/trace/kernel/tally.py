@@ -24,7 +24,7 @@ class Sums(NamedTuple):
     """Sums of one chunk of rays, in double precision."""
 
     fate: NDArray[np.float64]
-    """(8,) power by fate, missed and leaked parts of the escaped power, power reflected by a face in space"""
+    """(8,) power by fate, then the missed and leaked parts of the escaped power, and the power reflected by a face"""
     detected: NDArray[np.float64]
     """(D,) power per receiver"""
     arrived: NDArray[np.int64]

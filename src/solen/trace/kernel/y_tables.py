@@ -17,9 +17,9 @@ from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
 FLAT, WHOLE_OVAL, PIECES = range(3)
 """Kinds of lens: the flat face of the stem, an oval, pieces of a spline."""
 AT_BASE, AT_EMITTER, AT_POINT = range(3)
-"""Kinds of pivot."""
+"""Kinds of pivot: the base of the stem, the emitter, or a specified point."""
 AIR, BODY = range(2)
-"""Regions."""
+"""Indices of the regions."""
 WALLS = 13
 """Maximum number of pieces other than spline pieces: a lens, five on each side, and two receivers behind gaps."""
 FIT_POINTS = 17
@@ -31,7 +31,7 @@ MIN_LENGTH = 0.01
 """Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
 NO_JOIN, TOO_WIDE = -1, -2
-"""Codes of `y_tables` for a body."""
+"""Codes that `y_tables` returns for a body that `solen.geometry` rejects."""
 
 
 class Y(NamedTuple):
