@@ -63,7 +63,7 @@ class CheckOptions(Options):
 
 
 class InputCheck(Result):
-    """One receiver at rest.
+    """Result of the check of one receiver at rest.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class InputCheck(Result):
 
 
 class CellCheck(Result):
-    """The load cell at rest.
+    """Result of the check of the load cell at rest.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ SWITCH_EXTERNALLY = 'switch them externally (switching = "external"), with a syn
 MIN_PHASE_SAMPLES = 2
 """Minimum number of settled samples in an emitter phase."""
 COUNT_LIMITS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
-"""Minimum and maximum count."""
+"""Lowest and highest ADC count that a sample can store."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,8 @@ class Model:
         counter_lines = [line for _, _, line in self.switches[: setup.emitters]]
         for key, line in setup.static_lines.items():
             if line in counter_lines:
-                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter switches an emitter")
+                limit = "is the line on which a counter switches an emitter"
+                raise BenchError(f"daq.{key}", value=line, limit=limit, remedy="specify another static output")
 
     def _check_lines(self, setup: "Setup") -> None:
         """Check that the lines that switch emitters can follow the sampling clock."""

@@ -152,7 +152,7 @@ class Losses:
 
 
 def checksum(data: bytes | memoryview) -> int:
-    """Return the CRC-16/CCITT-FALSE of some bytes; for ``b"123456789"`` it is 29B1h."""
+    """Return the CRC-16/CCITT-FALSE of bytes; for ``b"123456789"`` it is 29B1h."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
@@ -165,7 +165,7 @@ def frame(kind: int, number: int, payload: bytes) -> bytes:
 
 
 def sample_frames(layout: Layout, periods: Periods) -> bytes:
-    """Return the frames of some periods, concatenated as the board sends them."""
+    """Return the frames that contain the given periods, concatenated as the board sends them."""
     heads = zip(periods.number.tolist(), periods.board_us.tolist(), periods.flags.tolist(), strict=True)
     samples = np.ascontiguousarray(periods.counts, "<u2").reshape(len(periods), layout.values)
     counts = layout.emitters, layout.receivers
@@ -184,7 +184,7 @@ class FrameReader:
     layout
         Layout of the expected periods; frames with another layout are counted as `Losses.other`.
     losses
-        Losses since the reader was created.
+        Counts of lost and discarded data since the reader was created.
     replies
         Payloads of the `REPLY` frames that have not been fetched yet.
     """

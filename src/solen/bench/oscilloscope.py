@@ -194,7 +194,6 @@ class Oscilloscope(PolledMeter):
         clock = clock_of(time_s, volts[:, -1:], setup, self._switch_hz)
         state = states(clock, 0.0, 1e-6 * self._settle_us, 1)
         if not ((state == 1).any() and (state == 0).any()):
-            raise DataError(
-                "meter.settle_us", value=self._settle_us, limit="leaves no sample of a phase", remedy="reduce it"
-            )
+            limit = "leaves no sample with the emitters on or off"
+            raise DataError("meter.settle_us", value=self._settle_us, limit=limit, remedy="reduce it")
         return volts[state == 1, : self.inputs].mean(axis=0), volts[state == 0, : self.inputs].mean(axis=0)

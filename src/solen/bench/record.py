@@ -168,7 +168,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
 
 @contextmanager
 def _with_advice(path: Path) -> Iterator[None]:
-    """Add to the error of a run where its data are and how to continue."""
+    """To an error that ends the run, add where the recorded data are and how to continue."""
     advice = (
         f"the recorded data are in {path}: continue with --resume, or finish the recording with solen bench recover"
     )

@@ -199,7 +199,7 @@ class Rig(BenchTable):
             raise refused("load_cell", "cannot be combined with [stages.MOTION]", remedy="omit it")
         for motion, stage in self.stages.items():
             if stage.drives != "angle":
-                limit = "a motion of a network is an angle"
+                limit = 'must be "angle" for a motion of a network'
                 raise refused(f"stages.{motion}.drives", limit, value=stage.drives, remedy="omit it")
         if len({stage.motion_unit for stage in self.stages.values()}) > 1:
             raise refused("stages", "must all move in deg, or all in mm")

@@ -215,7 +215,7 @@ class MeterSampling:
 
 
 def sampling_of(sampler: Sampler) -> BoardSampling | DaqSampling | MeterSampling:
-    """Return the reading of a sampler, according to its kind."""
+    """Return the object that reads a sampler during a run, of the class for a board, a DAQ device or a meter."""
     if isinstance(sampler, Daq):
         return DaqSampling(sampler)
     return MeterSampling(sampler) if isinstance(sampler, Meter) else BoardSampling(sampler)

@@ -112,7 +112,7 @@ class Waveform:
             first = end
 
     def _find_segments(self, journal: JournalContent) -> Iterator[_Segment]:
-        """Yield the segments in their order, and set the times of their frames."""
+        """Yield the segments in order, and store the times of their frames."""
         arrivals = journal.streams["came"]
         identity = np.stack([self.part, self.segment], axis=1).astype(np.int64)
         jumps = np.diff(self.number) != self._setup.frame  # a damaged journal lacks frames

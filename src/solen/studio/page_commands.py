@@ -55,7 +55,7 @@ class PageCommand:
     first
         Options that are shown immediately; all others require a further click.
     live
-        Parameters that accept an observer of the run, and its class, ``module:name``, created with a `Reporter`.
+        Class of the observer, ``module:name``, keyed by the parameter that accepts it; created with a `Reporter`.
     hidden
         Parameters that are not shown on a page.
     """
