@@ -20,7 +20,7 @@ from solen.errors import BenchError
 Switching = Literal["external", "counter", "lines"]
 Terminal = Literal["rse", "nrse", "differential"]
 
-SWITCH_EXTERNALLY = 'switch them externally (switching = "external"), with a sync input if there are several'
+SWITCH_EXTERNALLY = 'switch the emitters externally (switching = "external"), with a sync input if there are several'
 MIN_PHASE_SAMPLES = 2
 """Minimum number of settled samples in an emitter phase."""
 COUNT_LIMITS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
@@ -106,11 +106,11 @@ class Model:
         highest = self.highest_hz(channels)
         if setup.rate_hz <= highest:
             return
-        limit = f"the highest rate of an input of {self.name} is {highest:.0f} samples per second"
+        limit = f"is above the highest rate of an input of {self.name}, {highest:.0f} samples per second"
         if channels > 1 and not self.simultaneous:
             limit = (
-                f"for {channels} inputs is {setup.rate_hz * channels:.0f} samples per second in total, and the single "
-                f"ADC of {self.name} takes at most {self.rate_hz:.0f}"
+                f"gives {setup.rate_hz * channels:.0f} samples per second for {channels} inputs, but the single ADC of "
+                f"{self.name} takes at most {self.rate_hz:.0f}"
             )
         raise BenchError("daq.rate_hz", value=setup.rate_hz, limit=limit, remedy=f"specify {highest:.0f} or less")
 

@@ -67,8 +67,8 @@ class Layout:
                 raise BenchError(name, value=value, limit="must be 1 to 255")
         if self.payload_bytes > MAX_PAYLOAD_BYTES:
             limit = (
-                f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame "
-                f"has at most {MAX_PAYLOAD_BYTES}"
+                f"with {self.receivers} receivers would give frames with a payload of {self.payload_bytes} bytes, but "
+                f"at most {MAX_PAYLOAD_BYTES} are possible"
             )
             raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer emitters or receivers")
 

@@ -41,12 +41,12 @@ class Dialect:
     setup
         Commands before the first acquisition.
     acquire
-        Commands of an acquisition of some channels, each with a flag: whether to wait until the record is complete
-        (True), or until the previous record is discarded (False).
+        Function that returns the commands to acquire the given channels, each with a flag: whether to wait until the
+        record is complete (True), or until the previous record is discarded (False).
     state, complete
         Query of the state of the record, and the reply to it when the record is complete.
     volts
-        Converts bytes to volts with the increment, origin and reference in the preamble.
+        Function that converts bytes to volts with the increment, origin and reference in the preamble.
     joins
         Whether a command and a query may be sent as one message, which saves a delay on a network.
     """

@@ -17,7 +17,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 
 
 def _check_driver(table: "StageTable | BoardTable | DaqTable", key: str) -> None:
-    """Reject an unknown driver, a real instrument without the key that locates it, and a simulated one with it."""
+    """Reject an unknown driver; require the key that locates a real instrument, and reject it for a simulated one."""
     known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
     if table.driver != "simulated" and table.driver not in known:
         raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
