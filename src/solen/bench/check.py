@@ -414,4 +414,5 @@ def _check_target(rig: Rig, name: str, target: float) -> None:
         raise SpecError("--by", limit="the position of the stage is unknown", remedy="use --to")
     if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
         low, high = rig.stage.travel
-        raise BenchError(name, value=target, limit=f"is outside the travel of the rig, {low:g} to {high:g}")
+        limit = f"is outside the travel of the rig, {low:g} to {high:g}"
+        raise BenchError(name, value=target, limit=limit, remedy="choose a position within the travel")

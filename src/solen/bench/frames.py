@@ -159,7 +159,7 @@ def checksum(data: bytes | memoryview) -> int:
 def frame(kind: int, number: int, payload: bytes) -> bytes:
     """Return a frame with a payload."""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise BenchError("length of the payload", value=len(payload), limit=f"is at most {MAX_PAYLOAD_BYTES} bytes")
+        raise BenchError("payload length", value=len(payload), limit=f"must be at most {MAX_PAYLOAD_BYTES} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
     return body + _CRC.pack(checksum(memoryview(body)[2:]))
 

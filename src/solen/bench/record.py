@@ -218,7 +218,8 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
             low, high = rig.axes[motion].travel or (-math.inf, math.inf)
             if not low <= target <= high:
                 limit = f"is outside the travel in {rig_file}, {low:g} to {high:g} {unit}"
-                raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit)
+                remedy = "change the target, or widen travel in the rig file"
+                raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit, remedy=remedy)
     known_only_at_rest = any(axis.driver in DRIVERS and DRIVERS[axis.driver].stops for axis in rig.axes.values())
     if known_only_at_rest:
         _check_holds(protocol, protocol_file)

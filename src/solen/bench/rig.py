@@ -303,7 +303,7 @@ def check_names(rig: Rig, folder: Path) -> None:
 
 
 def driven_values(position: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
-    """Return the angles in degrees, or the depths in mm, of a sensor at positions of a stage with some settings."""
+    """Convert positions of a stage, with its settings, to the angles of a sensor in degrees or to depths in mm."""
     if settings.get("drives") == "depth":
         return np.asarray(position - settings["zero"])
     return sensor_angle_deg(position, settings["zero"], settings["lever_mm"])

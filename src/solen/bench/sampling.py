@@ -30,7 +30,7 @@ class Block:
     rows
         Rows of the stream; the caller sets their ``part``.
     progress
-        Numbers of the last row, for the stream ``came``.
+        For the stream ``came``: number of the last period or reading, or segment and end of the last frame.
     last
         Counts of the last period for display, on and off, (emitters, 2, inputs); None if nothing arrived.
     notices
