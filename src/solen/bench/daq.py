@@ -130,9 +130,9 @@ class Model:
     def _check_lines(self, setup: "Setup") -> None:
         """Check that the lines that switch emitters can follow the sampling clock."""
         if setup.rate_hz > self.timed_hz:
-            limit = f"the digital outputs of {self.name} are set by software only"
+            limit = f"is impossible: the digital outputs of {self.name} are set by software only"
             if self.timed_hz:
-                limit = f"the digital outputs of {self.name} follow a clock of at most {self.timed_hz:g} Hz"
+                limit = f"requires daq.rate_hz of at most {self.timed_hz:g}, the limit of the digital outputs of {self.name}"
             raise BenchError("daq.switching", value="lines", limit=limit, remedy=SWITCH_EXTERNALLY)
         for line in setup.lines:
             if line not in self.lines or line in setup.static_lines.values():

@@ -264,7 +264,7 @@ def _check_holds(protocol: Protocol, protocol_file: Path) -> None:
 def _resume(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:
     """Return the journal of a run and its content, checked against the files of the protocol and the rig."""
     if not path.exists():
-        raise BenchError(str(path), limit="there is no such journal to resume", remedy="omit --resume")
+        raise BenchError(str(path), limit="does not exist: there is no run to resume", remedy="omit --resume")
     header = read_journal(path).header
     for key, (file, table) in zip(("protocol", "rig"), tables.items(), strict=True):
         if header[key] != table.model_dump(mode="json"):
