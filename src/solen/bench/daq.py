@@ -132,7 +132,7 @@ class Model:
         if setup.rate_hz > self.timed_hz:
             limit = f"is impossible: the digital outputs of {self.name} are set by software only"
             if self.timed_hz:
-                limit = f"requires daq.rate_hz of at most {self.timed_hz:g}, the limit of the digital outputs of {self.name}"
+                limit = f"requires daq.rate_hz of at most {self.timed_hz:g}, the limit of the outputs of {self.name}"
             raise BenchError("daq.switching", value="lines", limit=limit, remedy=SWITCH_EXTERNALLY)
         for line in setup.lines:
             if line not in self.lines or line in setup.static_lines.values():
