@@ -245,9 +245,10 @@ def _brightest(sensor: SensorTable, number: int, mean: FloatArray) -> int:
 
 
 def _load_factor(sensor: SensorTable, off_V: float, signal_V: float) -> float | None:
-    """Return the factor for the load that gives a receiver the desired drop; None if its drop is acceptable.
+    """Return the factor for the load that gives a receiver the desired drop; None if no change is needed or possible.
 
-    Without a lens, the light of a receiver hardly changes as the sensor moves, and a larger drop is acceptable.
+    No change is possible without a signal. Without a lens, the light of a receiver hardly changes as the sensor moves,
+    and a larger drop is acceptable.
     """
     largest = MAX_SIGNAL if sensor.lens else 1.0 - SATURATED
     if signal_V <= MIN_RESPONSE * off_V or MIN_SIGNAL <= signal_V / off_V <= largest:

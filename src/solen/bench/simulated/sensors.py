@@ -218,7 +218,8 @@ def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angles (N,) and the fractions (N, 2) received on the right and the left, dense enough for interpolation.
 
-    Every step is halved until the power traced at its middle is within `MAX_INTERPOLATION_ERROR` of the interpolation.
+    Every step is halved, at most `MAX_HALVINGS` times, until the power traced at its middle is within
+    `MAX_INTERPOLATION_ERROR` of the interpolation.
     """
     response = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     unchecked = np.ones(len(angle_deg) - 1, dtype=bool)
