@@ -512,7 +512,7 @@ def test_clocked_lines_alternate_emitters(tmp_path: Path, monkeypatch: pytest.Mo
         (
             "USB-6356",
             {"lines": ("port0/line0",), "rate_hz": 1.1e6, "switch_hz": 1000.0},
-            "a clock of at most 1e.06 Hz",
+            "requires daq.rate_hz of at most 1e.06",
         ),
         ("USB-6356", {"lines": ("port0/line0",), "emitters": 2}, "must be 2 different lines, one for each emitter"),
         ("USB-6356", {"lines": ("port0/line0",), "rate_hz": 10_100.0}, "must be a multiple of 400 Hz"),
