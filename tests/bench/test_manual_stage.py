@@ -144,5 +144,5 @@ def test_rig_with_manual_stage_has_no_port_and_no_model() -> None:
         Rig(name="x", stage={"driver": "hand", "model": "M-060.DG"}, board=board, sensor=(sensor,))
     with pytest.raises(BenchError, match="lever_mm"):
         Rig(name="x", stage={"driver": "hand", "unit": "mm"}, board=board, sensor=(sensor,))
-    with pytest.raises(BenchError, match=r"unit = 'mm'; M-060\.DG moves in deg"):
+    with pytest.raises(BenchError, match=r"unit = 'mm'; must be deg, the unit of M-060\.DG"):
         Rig(name="x", stage={"unit": "mm"}, sensor=(sensor,))

@@ -330,7 +330,7 @@ def test_checks_disk_space_before_writing_recording(bench: Path, monkeypatch: py
         ({"name": "../a"}, "must be the name of a file, without its folder"),
         ({"name": "nul"}, "--name = 'nul'; is reserved for a device on Windows"),
         ({"name": "a."}, "or end in a dot"),
-        ({"resume": True}, r"protocol\.journal; there is no such journal.*; omit --resume"),
+        ({"resume": True}, r"protocol\.journal; does not exist.*; omit --resume"),
     ],
 )
 def test_refuses_bad_options_before_run(bench: Path, options: dict[str, Any], message: str) -> None:

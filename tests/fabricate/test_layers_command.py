@@ -228,7 +228,7 @@ def test_refuses_invalid_files(error_of: Run, folder: Path) -> None:
     assert "must be a design (.toml) or a mesh (.stl, .3mf)" in error_of("print", "layers", "mesh.obj", "--out", "out")
     assert "no such file" in error_of("print", "layers", "none.stl", "--out", "out")
     assert "--set" in error_of("print", "layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
-    assert "--layers; missing" in error_of("export", "my sensor.toml", "--out", "out", "--copies", "2")
+    assert "--layers; is missing" in error_of("export", "my sensor.toml", "--out", "out", "--copies", "2")
 
 
 def test_reverses_an_inside_out_mesh_and_warns_of_a_mesh_in_metres(command: Run, folder: Path) -> None:

@@ -102,7 +102,7 @@ class SerialBoard:
 
     @property
     def losses(self) -> Losses:
-        """Losses since the last start."""
+        """Counts of lost and discarded data since the last start."""
         return self._reader.losses
 
     def start(self) -> None:

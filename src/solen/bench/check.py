@@ -63,7 +63,7 @@ class CheckOptions(Options):
 
 
 class InputCheck(Result):
-    """One receiver at rest.
+    """Result of the check of one receiver at rest.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class InputCheck(Result):
 
 
 class CellCheck(Result):
-    """The load cell at rest.
+    """Result of the check of the load cell at rest.
 
     Attributes
     ----------
@@ -245,9 +245,10 @@ def _brightest(sensor: SensorTable, number: int, mean: FloatArray) -> int:
 
 
 def _load_factor(sensor: SensorTable, off_V: float, signal_V: float) -> float | None:
-    """Return the factor for the load that gives a receiver the desired drop; None if its drop is acceptable.
+    """Return the factor for the load that gives a receiver the desired drop; None if no change is needed or possible.
 
-    Without a lens, the light of a receiver hardly changes as the sensor moves, and a larger drop is acceptable.
+    No change is possible without a signal. Without a lens, the light of a receiver hardly changes as the sensor moves,
+    and a larger drop is acceptable.
     """
     largest = MAX_SIGNAL if sensor.lens else 1.0 - SATURATED
     if signal_V <= MIN_RESPONSE * off_V or MIN_SIGNAL <= signal_V / off_V <= largest:
@@ -414,4 +415,5 @@ def _check_target(rig: Rig, name: str, target: float) -> None:
         raise SpecError("--by", limit="the position of the stage is unknown", remedy="use --to")
     if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
         low, high = rig.stage.travel
-        raise BenchError(name, value=target, limit=f"is outside the travel of the rig, {low:g} to {high:g}")
+        limit = f"is outside the travel of the rig, {low:g} to {high:g}"
+        raise BenchError(name, value=target, limit=limit, remedy="choose a position within the travel")

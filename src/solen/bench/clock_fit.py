@@ -1,4 +1,4 @@
-"""The board's clock on the run's clock: a period has certainly ended when its frame arrives.
+"""Conversion of the board's times to the run's clock: a period has certainly ended when its frame arrives.
 
 The board stamps its periods with its own clock, which runs a little fast or slow and has another origin. A frame was
 sent before it arrived, by an unknown delay that is never negative and sometimes nearly zero. Of all lines below the

@@ -20,11 +20,11 @@ from solen.errors import BenchError
 Switching = Literal["external", "counter", "lines"]
 Terminal = Literal["rse", "nrse", "differential"]
 
-SWITCH_EXTERNALLY = 'switch them externally (switching = "external"), with a sync input if there are several'
+SWITCH_EXTERNALLY = 'switch the emitters externally (switching = "external"), with a sync input if there are several'
 MIN_PHASE_SAMPLES = 2
 """Minimum number of settled samples in an emitter phase."""
 COUNT_LIMITS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
-"""Minimum and maximum count."""
+"""Lowest and highest ADC count that a sample can store."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +106,11 @@ class Model:
         highest = self.highest_hz(channels)
         if setup.rate_hz <= highest:
             return
-        limit = f"the highest rate of an input of {self.name} is {highest:.0f} samples per second"
+        limit = f"is above the highest rate of an input of {self.name}, {highest:.0f} samples per second"
         if channels > 1 and not self.simultaneous:
             limit = (
-                f"for {channels} inputs is {setup.rate_hz * channels:.0f} samples per second in total, and the single "
-                f"ADC of {self.name} takes at most {self.rate_hz:.0f}"
+                f"gives {setup.rate_hz * channels:.0f} samples per second for {channels} inputs, but the single ADC of "
+                f"{self.name} takes at most {self.rate_hz:.0f}"
             )
         raise BenchError("daq.rate_hz", value=setup.rate_hz, limit=limit, remedy=f"specify {highest:.0f} or less")
 
@@ -124,14 +124,15 @@ class Model:
         counter_lines = [line for _, _, line in self.switches[: setup.emitters]]
         for key, line in setup.static_lines.items():
             if line in counter_lines:
-                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter switches an emitter")
+                limit = "is the line on which a counter switches an emitter"
+                raise BenchError(f"daq.{key}", value=line, limit=limit, remedy="specify another static output")
 
     def _check_lines(self, setup: "Setup") -> None:
         """Check that the lines that switch emitters can follow the sampling clock."""
         if setup.rate_hz > self.timed_hz:
-            limit = f"the digital outputs of {self.name} are set by software only"
+            limit = f"is impossible: the digital outputs of {self.name} are set by software only"
             if self.timed_hz:
-                limit = f"the digital outputs of {self.name} follow a clock of at most {self.timed_hz:g} Hz"
+                limit = f"requires daq.rate_hz of at most {self.timed_hz:g}, the limit of the outputs of {self.name}"
             raise BenchError("daq.switching", value="lines", limit=limit, remedy=SWITCH_EXTERNALLY)
         for line in setup.lines:
             if line not in self.lines or line in setup.static_lines.values():

@@ -91,7 +91,7 @@ class JournalFollower:
         return np.split(periods, edges) if len(periods) else []
 
     def _with_previous(self, periods: Rows) -> tuple[Rows, FloatArray, int]:
-        """Return the periods after the preceding one, if any; their times; and the index of the first new period."""
+        """Return the preceding period, if any, and the new ones; their times; and the index of the first new one."""
         part = int(periods["part"][0])
         previous = self._last if self._last is not None and int(self._last["part"][0]) == part else periods[:0]
         self._last = periods[-1:]
@@ -100,7 +100,7 @@ class JournalFollower:
         return rows, 1e-6 * (rows["board_us"] - begun_us).astype(np.float64), len(previous)
 
     def _demodulated(self, rows: Rows, time_s: FloatArray, first: int, view: View) -> NewReadings:
-        """Return the readings under one emitter from a period on, with the receivers in the order of the view."""
+        """Return the readings under one emitter from period ``first`` on, with the receivers in the view's order."""
         inputs = [number - 1 for number in view.inputs.values()]
         readings = demodulated(rows["counts"], time_s, view.emitter, inputs, BoardAdc.of(self.header))
         kept = readings.of(view.emitter) & (readings.time_s >= time_s[first])

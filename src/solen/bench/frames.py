@@ -67,8 +67,8 @@ class Layout:
                 raise BenchError(name, value=value, limit="must be 1 to 255")
         if self.payload_bytes > MAX_PAYLOAD_BYTES:
             limit = (
-                f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame "
-                f"has at most {MAX_PAYLOAD_BYTES}"
+                f"with {self.receivers} receivers would give frames with a payload of {self.payload_bytes} bytes, but "
+                f"at most {MAX_PAYLOAD_BYTES} are possible"
             )
             raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer emitters or receivers")
 
@@ -152,20 +152,20 @@ class Losses:
 
 
 def checksum(data: bytes | memoryview) -> int:
-    """Return the CRC-16/CCITT-FALSE of some bytes; for ``b"123456789"`` it is 29B1h."""
+    """Return the CRC-16/CCITT-FALSE of bytes; for ``b"123456789"`` it is 29B1h."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
 def frame(kind: int, number: int, payload: bytes) -> bytes:
     """Return a frame with a payload."""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise BenchError("length of the payload", value=len(payload), limit=f"is at most {MAX_PAYLOAD_BYTES} bytes")
+        raise BenchError("payload length", value=len(payload), limit=f"must be at most {MAX_PAYLOAD_BYTES} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
     return body + _CRC.pack(checksum(memoryview(body)[2:]))
 
 
 def sample_frames(layout: Layout, periods: Periods) -> bytes:
-    """Return the frames of some periods, concatenated as the board sends them."""
+    """Return the frames that contain the given periods, concatenated as the board sends them."""
     heads = zip(periods.number.tolist(), periods.board_us.tolist(), periods.flags.tolist(), strict=True)
     samples = np.ascontiguousarray(periods.counts, "<u2").reshape(len(periods), layout.values)
     counts = layout.emitters, layout.receivers
@@ -184,7 +184,7 @@ class FrameReader:
     layout
         Layout of the expected periods; frames with another layout are counted as `Losses.other`.
     losses
-        Losses since the reader was created.
+        Counts of lost and discarded data since the reader was created.
     replies
         Payloads of the `REPLY` frames that have not been fetched yet.
     """

@@ -55,7 +55,7 @@ def unit_of(stage: str, unit: Unit | None) -> Unit:
         limit = f"has an unknown unit; only those of {', '.join(STAGES)} are known"
         raise BenchError("stage", value=stage, limit=limit, remedy='set its unit to "deg" or "mm"')
     if unit is not None and known is not None and unit != known:
-        raise BenchError("unit", value=unit, limit=f"{stage} moves in {known}")
+        raise BenchError("unit", value=unit, limit=f"must be {known}, the unit of {stage}")
     return unit or known or "deg"
 
 

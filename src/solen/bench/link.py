@@ -93,7 +93,7 @@ def _known_ports() -> str:
 
 
 Split = Callable[[bytes], tuple[bytes, bytes] | None]
-"""Splits the first complete message off some bytes: returns it and the remaining bytes, or None if none is complete."""
+"""Function that returns the first complete message in received bytes, and the bytes after it; None without one."""
 
 
 def split_line(data: bytes) -> tuple[bytes, bytes] | None:

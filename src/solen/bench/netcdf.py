@@ -254,7 +254,7 @@ def _write_meter(file: Any, journal: JournalContent) -> Written:
 
 
 def _meter_readings(rows: Rows, time_s: FloatArray, inputs: list[int]) -> MeterReadings:
-    """Return the readings of some inputs: on minus off if off is known, otherwise on."""
+    """Return the readings of the given inputs: on minus off if off is known, otherwise on."""
     on, off = rows["on"][:, inputs], rows["off"][:, inputs]
     return MeterReadings(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
 

@@ -163,7 +163,7 @@ class NiDaq:
     def _checked(self, setup: Setup) -> Model:
         """Return the capabilities of the device.
 
-        Raises `BenchError` if it is another model than that in the rig file, or does not support the settings.
+        Raises `BenchError` if its model is not that in the rig file, or if it does not support the settings.
         """
         with self._translated("find"):
             device = self._ni.system.Device(self._device)

@@ -16,7 +16,7 @@ from solen.bench.drivers import on_failure
 
 
 def counter_task(ni: Any, device: str, setup: Setup, emitter: int, counter: str, terminal: str) -> tuple[Any, float]:
-    """Return the task of a counter that switches an emitter on in the first half of its slot, and the rate."""
+    """Return the task of a counter that switches an emitter on in the first half of its slot, and its rate in Hz."""
     constants, task = ni.constants, ni.Task()
     with on_failure(lambda: clear(task, ni)):
         channel = task.co_channels.add_co_pulse_chan_freq(

@@ -41,12 +41,12 @@ class Dialect:
     setup
         Commands before the first acquisition.
     acquire
-        Commands of an acquisition of some channels, each with a flag: whether to wait until the record is complete
-        (True), or until the previous record is discarded (False).
+        Function that returns the commands to acquire the given channels, each with a flag: whether to wait until the
+        record is complete (True), or until the previous record is discarded (False).
     state, complete
         Query of the state of the record, and the reply to it when the record is complete.
     volts
-        Converts bytes to volts with the increment, origin and reference in the preamble.
+        Function that converts bytes to volts with the increment, origin and reference in the preamble.
     joins
         Whether a command and a query may be sent as one message, which saves a delay on a network.
     """
@@ -194,7 +194,6 @@ class Oscilloscope(PolledMeter):
         clock = clock_of(time_s, volts[:, -1:], setup, self._switch_hz)
         state = states(clock, 0.0, 1e-6 * self._settle_us, 1)
         if not ((state == 1).any() and (state == 0).any()):
-            raise DataError(
-                "meter.settle_us", value=self._settle_us, limit="leaves no sample of a phase", remedy="reduce it"
-            )
+            limit = "leaves no sample with the emitters on or off"
+            raise DataError("meter.settle_us", value=self._settle_us, limit=limit, remedy="reduce it")
         return volts[state == 1, : self.inputs].mean(axis=0), volts[state == 0, : self.inputs].mean(axis=0)

@@ -35,7 +35,8 @@ MAX_LINE_SAMPLES = 0.75
 def clock_channels(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
     """Return the channels from which the clock of the emitters is determined, and the channel index to which it refers.
 
-    The channels are the sync, or some inputs. The channel index is the mean of theirs with external switching, else 0.
+    The channels are the sync, or the given inputs if there is no sync. With external switching, the channel index is
+    the mean of their indices, otherwise 0.
     """
     channels = [setup.inputs] if setup.synced else list(inputs)
     return channels, float(np.mean(channels)) if setup.switching == "external" else 0.0
@@ -94,7 +95,7 @@ def _sync_clock(time_s: FloatArray, volts: FloatArray, setup: Setup) -> Clock:
     rises, falls = _edges(time_s, volts)
     if len(rises) < 2:
         limit = "two are needed in a window of samples"
-        raise DataError("rising edges of the sync", value=len(rises), limit=limit, remedy="check the wire of the sync")
+        raise DataError("rising edges of the sync", value=len(rises), limit=limit, remedy="check the sync wiring")
     usual_s = float(np.median(np.diff(rises)))
     number = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(rises) / usual_s), 1.0))])
     line = np.polyfit(number, rises, 1)
@@ -118,7 +119,7 @@ def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArra
     low, high = float(volts.min()), float(volts.max())
     if high - low < MIN_SYNC_V:
         limit = f"changes by only {high - low:.2g} V; {MIN_SYNC_V:g} V are needed to distinguish on and off"
-        raise DataError("sync", limit=limit, remedy="check its wire")
+        raise DataError("sync", limit=limit, remedy="check the sync wiring")
     height = (volts - low) / (high - low)
     level = np.where(height > 2.0 / 3.0, 1, np.where(height < 1.0 / 3.0, -1, 0))
     definite = np.flatnonzero(level)
@@ -136,7 +137,7 @@ def _on_s(rises: FloatArray, falls: FloatArray, usual_s: float) -> float:
     durations = durations[durations < usual_s]
     if not len(durations):
         limit = "stays high: no falling edge follows a rising edge within a period"
-        raise DataError("sync", limit=limit, remedy="check its wire")
+        raise DataError("sync", limit=limit, remedy="check the sync wiring")
     return float(durations.mean())
 
 

@@ -133,7 +133,7 @@ def inputs_of(view: View, header: Mapping[str, Any]) -> list[int]:
 def demodulated(
     counts: NDArray[np.uint16], time_s: FloatArray, emitter: int, inputs: Sequence[int], adc: BoardAdc
 ) -> Demodulated:
-    """Return the demodulated readings of some inputs with one emitter, in some periods.
+    """Return the demodulated readings of the given inputs with one emitter, in the given periods.
 
     Of each period, only the on phase of the emitter and the adjacent off phases are used.
     """

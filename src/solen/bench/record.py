@@ -168,7 +168,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
 
 @contextmanager
 def _with_advice(path: Path) -> Iterator[None]:
-    """Add to the error of a run where its data are and how to continue."""
+    """To an error that ends the run, add where the recorded data are and how to continue."""
     advice = (
         f"the recorded data are in {path}: continue with --resume, or finish the recording with solen bench recover"
     )
@@ -218,7 +218,8 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
             low, high = rig.axes[motion].travel or (-math.inf, math.inf)
             if not low <= target <= high:
                 limit = f"is outside the travel in {rig_file}, {low:g} to {high:g} {unit}"
-                raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit)
+                remedy = "change the target, or widen travel in the rig file"
+                raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit, remedy=remedy)
     known_only_at_rest = any(axis.driver in DRIVERS and DRIVERS[axis.driver].stops for axis in rig.axes.values())
     if known_only_at_rest:
         _check_holds(protocol, protocol_file)
@@ -263,7 +264,7 @@ def _check_holds(protocol: Protocol, protocol_file: Path) -> None:
 def _resume(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:
     """Return the journal of a run and its content, checked against the files of the protocol and the rig."""
     if not path.exists():
-        raise BenchError(str(path), limit="there is no such journal to resume", remedy="omit --resume")
+        raise BenchError(str(path), limit="does not exist: there is no run to resume", remedy="omit --resume")
     header = read_journal(path).header
     for key, (file, table) in zip(("protocol", "rig"), tables.items(), strict=True):
         if header[key] != table.model_dump(mode="json"):

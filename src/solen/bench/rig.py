@@ -199,7 +199,7 @@ class Rig(BenchTable):
             raise refused("load_cell", "cannot be combined with [stages.MOTION]", remedy="omit it")
         for motion, stage in self.stages.items():
             if stage.drives != "angle":
-                limit = "a motion of a network is an angle"
+                limit = 'must be "angle" for a motion of a network'
                 raise refused(f"stages.{motion}.drives", limit, value=stage.drives, remedy="omit it")
         if len({stage.motion_unit for stage in self.stages.values()}) > 1:
             raise refused("stages", "must all move in deg, or all in mm")
@@ -303,7 +303,7 @@ def check_names(rig: Rig, folder: Path) -> None:
 
 
 def driven_values(position: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
-    """Return the angles in degrees, or the depths in mm, of a sensor at positions of a stage with some settings."""
+    """Convert positions of a stage, with its settings, to the angles of a sensor in degrees or to depths in mm."""
     if settings.get("drives") == "depth":
         return np.asarray(position - settings["zero"])
     return sensor_angle_deg(position, settings["zero"], settings["lever_mm"])

@@ -17,7 +17,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 
 
 def _check_driver(table: "StageTable | BoardTable | DaqTable", key: str) -> None:
-    """Reject an unknown driver, a real instrument without the key that locates it, and a simulated one with it."""
+    """Reject an unknown driver; require the key that locates a real instrument, and reject it for a simulated one."""
     known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
     if table.driver != "simulated" and table.driver not in known:
         raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
@@ -246,7 +246,7 @@ class DaqTable(BenchTable):
         known = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
         channels = self.channels or (known or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
         if len(channels) != inputs:
-            limit = f"must list {inputs}, one for each input of the sensors, in their order"
+            limit = f"must list {inputs}, one for each input of the sensors, in order"
             raise BenchError("daq.channels", value=", ".join(channels), limit=limit)
         return Setup(
             channels=channels if self.sync is None else (*channels, self.sync),
@@ -315,7 +315,7 @@ class MeterTable(BenchTable):
         by_driver = {"multimeter": ("address", self.addresses), "oscilloscope": ("channels", self.channels)}
         key, names = by_driver.get(self.driver, ("", None))
         if names is not None and len(names) != inputs:
-            limit = f"must list {inputs}, one for each input of the sensors, in their order"
+            limit = f"must list {inputs}, one for each input of the sensors, in order"
             raise refused(f"meter.{key}", limit, value=", ".join(names))
         if self.driver == "oscilloscope" and len(self.addresses) > 1:
-            raise refused("meter.address", "must be one oscilloscope", value=self.address)
+            raise refused("meter.address", "must be the address of a single oscilloscope", value=self.address)

@@ -85,7 +85,7 @@ class EmitterBoard(Protocol):
 
     @property
     def losses(self) -> Losses:
-        """Losses since the start."""
+        """Counts of lost data since the start."""
 
     def start(self) -> None:
         """Start switching the emitters and sampling."""
@@ -134,7 +134,7 @@ class Daq(Protocol):
 
     @property
     def losses(self) -> DaqLosses:
-        """Losses since the start."""
+        """Counts of lost data since the start."""
 
     def start(self) -> None:
         """Start sampling, and switching the emitters if the device drives them."""

@@ -30,7 +30,7 @@ class Block:
     rows
         Rows of the stream; the caller sets their ``part``.
     progress
-        Numbers of the last row, for the stream ``came``.
+        For the stream ``came``: number of the last period or reading, or segment and end of the last frame.
     last
         Counts of the last period for display, on and off, (emitters, 2, inputs); None if nothing arrived.
     notices
@@ -215,7 +215,7 @@ class MeterSampling:
 
 
 def sampling_of(sampler: Sampler) -> BoardSampling | DaqSampling | MeterSampling:
-    """Return the reading of a sampler, according to its kind."""
+    """Return the object that reads a sampler during a run, of the class for a board, a DAQ device or a meter."""
     if isinstance(sampler, Daq):
         return DaqSampling(sampler)
     return MeterSampling(sampler) if isinstance(sampler, Meter) else BoardSampling(sampler)

@@ -23,11 +23,11 @@ from solen.bench.journal_content import JournalContent, Rows
 from solen.ranks import Caution, warning
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
-"""Row of a position query: part of the run, times of query and reply, and the position in the reply."""
+"""Type of the row of a position query: part of the run, times of query and reply, and the position in the reply."""
 EXCHANGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("device_s", "<f8")])
-"""Row of a clock query to a sampler: part of the run, times of query and reply, time in the reply (NaN: none)."""
+"""Type of the row of a clock query: part of the run, times of query and reply, time in the reply (NaN: none)."""
 MIN_MOVE = 1e-3
-"""Fraction of the range by which the position changes from query to query if the stage is considered to move."""
+"""Change of the position between two queries, as a fraction of the range, above which the stage counts as moving."""
 START_S = 2.0
 """Longest time in s from the start of a sampler to its first samples."""
 MAX_CONTRIBUTION = 0.005

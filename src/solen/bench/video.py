@@ -263,7 +263,7 @@ def _check_stamps(stamps: FloatArray, warnings: list[Caution]) -> None:
     """Warn of irregular time stamps; raise `DataError` if they are not in ascending order."""
     steps = np.diff(stamps)
     if len(steps) == 0 or not (steps > 0.0).all():
-        limit = "the time stamps of its frames must be in ascending order"
+        limit = "must have frames with ascending time stamps"
         raise DataError("video", limit=limit, remedy="convert it, for example to MP4")
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]

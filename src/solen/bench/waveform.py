@@ -112,7 +112,7 @@ class Waveform:
             first = end
 
     def _find_segments(self, journal: JournalContent) -> Iterator[_Segment]:
-        """Yield the segments in their order, and set the times of their frames."""
+        """Yield the segments in order, and store the times of their frames."""
         arrivals = journal.streams["came"]
         identity = np.stack([self.part, self.segment], axis=1).astype(np.int64)
         jumps = np.diff(self.number) != self._setup.frame  # a damaged journal lacks frames
@@ -180,7 +180,7 @@ class Waveform:
 def create_variable(
     group: Any, name: str, dims: tuple[str, ...], shape: tuple[int, ...], dtype: Any, unit: str, text: str, rows: int
 ) -> Any:
-    """Create an empty variable in a netCDF group, compressed in chunks of some rows."""
+    """Create an empty variable in a netCDF group, compressed in chunks of ``rows`` rows."""
     options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape[0] else {}
     chunks = (min(shape[0], rows), *shape[1:]) if shape[0] else None
     variable = group.create_variable(name, dims, dtype, chunks=chunks, **options)

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from typing import Any
 
 CHECK_INTERVAL_S, FIRST_LINE_S, MIN_INTERVAL_S, INTERVAL_FRACTION = 0.2, 1.5, 10.0, 0.2
-"""Interval between checks; time of the first line; interval to further lines, which is at least a fifth of the elapsed
-time.
+"""Interval between checks, time of the first line, and shortest interval between further lines, in s; the last value is
+the interval between further lines as a fraction of the elapsed time, if that is longer.
 """
 COMPILING_INTERVAL_S = 2.0
 """Interval between lines while the tracer is compiled."""

@@ -33,7 +33,7 @@ class Call:
     values
         The given values, keyed by parameter, in the order of the function.
     live
-        Parameters that accept an observer of the run, and its class, ``module:name``, created with a `Reporter`.
+        Class of the observer, ``module:name``, keyed by the parameter that accepts it; created with a `Reporter`.
     """
 
     name: str

@@ -152,7 +152,7 @@ class Document:
             self.version += 1
 
     def compare_with(self, path: Path) -> None:
-        """Compare this design with another one; errors as in `Document`."""
+        """Compare this design with another one; raises the same errors as `Document`."""
         design = loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
         self.comparison = State(Sensor.of(design), {})
 

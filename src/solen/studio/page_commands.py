@@ -44,18 +44,19 @@ class PageCommand:
     label
         Short description of the command.
     files, results
-        Parameters for files dropped on the page, and for files that other commands wrote, with their labels.
+        Labels of the parameters for files dropped on the page, and for files that other commands wrote, keyed by
+        parameter.
     outputs
-        Parameters for files to write, with their names; an empty name is the folder itself.
+        Names of files to write, keyed by parameter; an empty name is the folder itself.
     design_outputs
-        Parameters for files to write next to the design, with their names, which may contain values and the name of
-        the design, such as ``{name}.toml`` or ``{design}-tuning.json``.
+        Names of files to write next to the design, keyed by parameter; they may contain values and the name of the
+        design, such as ``{name}.toml`` or ``{design}-tuning.json``.
     design
         Parameter for the open design; empty if there is none.
     first
         Options that are shown immediately; all others require a further click.
     live
-        Parameters that accept an observer of the run, and its class, ``module:name``, created with a `Reporter`.
+        Class of the observer, ``module:name``, keyed by the parameter that accepts it; created with a `Reporter`.
     hidden
         Parameters that are not shown on a page.
     """

@@ -41,7 +41,7 @@ class SimulatedDaq(SimulatedSampler):
     setup
         Its settings.
     external_ppm
-        Excess rate of the clock of an external switching source, relative to the run's clock.
+        Excess rate of the clock of an external switching source, relative to the run's clock, in ppm.
     """
 
     setup: Setup

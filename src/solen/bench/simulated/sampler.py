@@ -28,13 +28,13 @@ class SimulatedSampler:
     sensors
         Sensors connected to its inputs.
     angle_deg
-        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
+        Function that returns, at ascending times (N,), the angles of the sensors (N,), or of their motions (N, M).
     room
         Ambient light.
     rng
         Generator of noise and phases.
     ppm
-        Excess rate of its clock, relative to the run's clock.
+        Excess rate of its clock, relative to the run's clock, in ppm.
     cell
         Load cell on one of its inputs.
     """

@@ -201,7 +201,10 @@ def _sweep(angle_deg: FloatArray) -> dict[str, float]:
 
 
 def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
-    """Return a loaded design whose finger is pressed to some depths, whether its depth or its force is driven."""
+    """Return a design whose finger is pressed to the given depths, even if the design drives the force of the finger.
+
+    Raises `BenchError` if the motion of the design is not a finger that presses.
+    """
     motion = design.motion
     if motion.kind != "loaded" or (drives := driven(design))[0] != "press":
         what = f"has motion.kind = {motion.kind}" if motion.kind != "loaded" else f"drives {motion.drives}"
@@ -215,7 +218,8 @@ def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angles (N,) and the fractions (N, 2) received on the right and the left, dense enough for interpolation.
 
-    Every step is halved until the power traced at its middle is within `MAX_INTERPOLATION_ERROR` of the interpolation.
+    Every step is halved, at most `MAX_HALVINGS` times, until the power traced at its middle is within
+    `MAX_INTERPOLATION_ERROR` of the interpolation.
     """
     response = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     unchecked = np.ones(len(angle_deg) - 1, dtype=bool)

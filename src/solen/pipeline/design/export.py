@@ -45,7 +45,7 @@ def export(
     figure
         File and style of a figure of the solid.
     slicing
-        Options of layers, if these are written too.
+        Slicing options; if they are specified, the layer images are also written.
     progress
         Called with the completed fraction of the layers.
 

@@ -70,7 +70,7 @@ def export(
     assignments = [*(set_ or ()), *seats.assignments, *thickness]
     formats = tuple(kind for kind, is_selected in selected.items() if is_selected)
     if slicing is not None and not layers:
-        raise SpecError("--layers", limit="missing: required with options of layers", remedy="add it")
+        raise SpecError("--layers", limit="is missing, but slicing options are specified", remedy="add --layers")
     return pipeline.export(
         file,
         out,

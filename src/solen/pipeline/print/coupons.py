@@ -25,7 +25,7 @@ def coupons(
     output: Annotated[CouponOutput, FLAT] = CouponOutput(),
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[CouponSet]:
-    """Write coupons that test a printer and a resin: an STL file, a 3MF file, a plan and a job of each.
+    """Write coupons that test a printer and a resin: for each an STL file, a 3MF file, a plan and a job.
 
     Parameters
     ----------

@@ -93,12 +93,12 @@ def layers(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[LayeredPrint]:
-    """Slice a design, the job of a coupon or a mesh into anti-aliased layers for a printer, with STL and settings.
+    """Slice a design, a coupon job or a mesh into anti-aliased layers for a printer, with STL and settings.
 
     Parameters
     ----------
     file
-        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); the files are named after it.
+        A design (.toml), a coupon job (.json) or a closed mesh (.stl in mm, .3mf); the files are named after it.
     out
         Folder for the files; created if missing.
     run
@@ -118,7 +118,7 @@ def layers(
     if assignments and kind != ".toml":
         raise SpecError("--set", value=assignments[0], limit="applies to designs only", remedy="omit it")
     if run is not None and kind != ".json":
-        raise SpecError("--run", value=run, limit="applies to jobs of coupons only", remedy="omit it")
+        raise SpecError("--run", value=run, limit="applies to coupon jobs only", remedy="omit it")
     sources = [file, *files_read(slicing.process, slicing.cure)]
     if kind == ".json":
         part, slicing = printable_coupon(file, slicing, run)

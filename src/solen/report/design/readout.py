@@ -22,10 +22,10 @@ def readout_figure(readings: DesignReadings) -> Figure:
 
 
 def network_volts_figure(volts: NetworkVolts) -> Figure:
-    """Draw voltages over each motion in a panel for each emitter, and the resolution of each motion by itself."""
+    """Draw voltages over each motion in a panel for each emitter, and the resolution of each motion alone."""
     rest, count = volts.at_rest, len(volts.by_motion)
     if not count:
-        raise SpecError("network.motion", limit="there is no motion to draw", remedy="add [[network.motion]]")
+        raise SpecError("network.motion", limit="is missing: no motion can be drawn", remedy="add [[network.motion]]")
     rows = len(rest.emitters) + 1
     figure = Figure(figsize=(max(4.6, 3.4 * count), 2.1 * rows + 0.7))
     panels = figure.subplots(rows, count, squeeze=False, sharex="col", sharey="row")

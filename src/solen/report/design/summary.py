@@ -38,7 +38,7 @@ ADVICE = {
 }
 LENS_NAMES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 MIN_CHANGE = 0.005
-"""Smallest change of the contrast, and a tenth of the smallest relative change of the light, that leads to advice."""
+"""Smallest change of the contrast that leads to advice; for the relative change of the light, ten times as much."""
 MAX_ADVICE, MAX_DIGITS = 4, 4
 
 

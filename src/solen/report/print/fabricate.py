@@ -30,7 +30,7 @@ BODY_COLOUR = "#8fb4d3"
 EDGE_DEG = 20.0
 """Minimum angle between the surfaces of adjacent pixels for which an edge is drawn."""
 MIN_COSINE = 1e-6
-"""Cosine of the angle between the normal of a triangle and the view at or below which the triangle is invisible."""
+"""A triangle is invisible if the cosine of the angle from its normal to the direction of the viewer is not larger."""
 EDGE_STEP = 0.01
 """Minimum difference of depth for which an edge is drawn, as a fraction of the image size."""
 

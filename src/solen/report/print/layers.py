@@ -15,7 +15,7 @@ DRAWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Positions of the drawn layers, as fractions of the stack."""
 COLUMNS = 3
 MAX_PIXELS = 900
-"""Maximum number of pixels along the longer side of a drawn image; larger ones are subsampled."""
+"""Maximum number of pixels along the longer side of a drawn image; larger images are subsampled."""
 EDGE_PIXELS = 28
 """Number of pixels along each side of the close-up."""
 MAX_STEPS = 400

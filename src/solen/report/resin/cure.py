@@ -15,7 +15,7 @@ from solen.material.cure.working_curve_fit import WorkingCurve
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, series
 
 _CURVE_ALPHA, _DISC_ALPHA = 0.18, 0.09
-_MARGIN = 1.15  # factor of the dose axis beyond the data
+_MARGIN = 1.15  # factor by which the dose axis extends beyond the data
 
 
 def cure_figure(curve: MeasuredCurve) -> Figure:

@@ -79,7 +79,7 @@ def _dispersion() -> Comparison:
 
 
 def _typical() -> list[Comparison]:
-    """Compare the index that the paper calls typical, and the increase of the index below 450 nm."""
+    """Compare with published indices the index that the paper calls typical, and its increase below 450 nm."""
     indices = [paper_value(f"index-{nm:g}") for nm in INDICES_NM]
     typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(indices), largest=max(indices))
     return [typical, compared("index-rise", *rise_of_literature(MIN_NM, INDICES_NM[-1]))]
