@@ -35,7 +35,7 @@ DATASHEET_LIMITS = {
     "emitter.width_mm": "width_mm",
     "emitter.height_mm": "height_mm",
 }
-"""Attribute of a part with the limits of a parameter."""
+"""Attribute of the emitter's part that contains the datasheet limits of a parameter, keyed by parameter."""
 
 
 def variations_of(
@@ -109,7 +109,7 @@ def _derivatives(process: Process, key: str, u: float) -> list[float]:
 
 
 def _weights(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
-    """Return the weights of the parameters that the design has, multiplied by their lengths if ``by_length``."""
+    """Return the weights of the parameters that the design has, multiplied by their values if ``by_length``."""
     present = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
     return {key: weight * number(sensor, key) for key, weight in present.items()} if by_length else present
 

@@ -69,7 +69,7 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
 
 
 def _motion_sds(design: Design, response: NetworkResponse) -> FloatArray:
-    """Return the standard deviation of each motion at rest for one cycle of readings, and its u (motions, 2)."""
+    """Return, for each motion, its standard deviation at rest from one cycle of readings, and the u of that (M, 2)."""
     states, motion_indices, slope_states = states_of(design.network)
     if not slope_states:
         return np.empty((0, 2))

@@ -171,7 +171,7 @@ class PrintModel:
 
     @property
     def min_blur(self) -> float:
-        """Largest reduction of the blur, to half, in standard uncertainties; negative."""
+        """Change of the blur to half its value, the largest allowed reduction, in standard uncertainties; negative."""
         if self.wider is None:
             return 0.0
         return -0.5 * _blur_width(self.settings) / (_blur_width(self.wider.settings) - _blur_width(self.settings))

@@ -202,7 +202,7 @@ class Prints:
         return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, u_merits)
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedParameter]:
-        """Return the parameters that vary and their effect on the yield, in ascending order of `share_if_exact`."""
+        """Return the parameters that vary and their effect on the yield, in descending order of `share_if_exact`."""
         named = {name for requirement in requirements for name in requirement.merits}
         if not all(np.isfinite(self.merits[name]).all() for name in named):
             requirements = []  # surrogates cannot predict missing merits

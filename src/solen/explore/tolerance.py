@@ -39,7 +39,7 @@ from solen.spec import Design
 from solen.spec.strict import Finite
 
 TEST_PROBABILITY = 0.84
-"""Quantile at which the effect of a single deviation is tested: one standard deviation of a normal distribution."""
+"""Probability of the deviation with which a single tolerance is tested: one standard deviation above a normal mean."""
 KEEP_CONSTANT = "keep this parameter constant: specify only the other parameters with --vary"
 
 

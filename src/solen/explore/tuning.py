@@ -50,7 +50,7 @@ from solen.sensor.as_printed import DRAWS
 
 SAMPLES, SEED = 2000, 1
 POINT_STEP = 3
-"""Every n-th point of the lens is used in the fit."""
+"""Index step between the points of the lens that are used in the fit."""
 MAX_BLUR_STEPS = 3.0
 """Largest increase of the printer's blur, in standard uncertainties."""
 MAX_LOG_RATIO = 20.0
@@ -297,7 +297,11 @@ class _Tuning:
 
     @cached_property
     def samples(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Random states, individual forms of a further print, and factors on the error of pixel effects."""
+        """Random samples of what determines the next print.
+
+        They are states (SAMPLES, n + 3) of the common deviations, individual forms (SAMPLES, n) of a print in µm, and
+        factors (SAMPLES,) on the error of the modelled pixel effects; see `Systematic.samples`.
+        """
         return self.common.samples(SAMPLES, np.random.default_rng(SEED))
 
     @cached_property

@@ -117,7 +117,7 @@ def _points(rows: FloatArray) -> tuple[Point, ...]:
 
 
 def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
-    """Replace the first and last rows by the exact ends of the curve."""
+    """Return the rows with the first and the last replaced with the exact ends of the curve."""
     return np.vstack([[curve.start], rows[1:-1], [curve.end]])
 
 

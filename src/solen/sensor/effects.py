@@ -197,7 +197,10 @@ def _number_effect(sensor: Sensor, key: str, base: Response, null: tuple[float, 
 
 
 def _with_symmetric_rest(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Return the response of a symmetric sensor, whose contrast at rest is 0 without a trace; None otherwise."""
+    """Return the response of ``other`` at the angles of ``base``, with the reading at rest copied from ``base``.
+
+    Both have a contrast of 0 at rest if both sensors are symmetric; None if one is not, or rest is not in ``base``.
+    """
     at_rest = base.angle_deg == 0.0
     if not (at_rest.any() and sensor.is_symmetric and other.is_symmetric):
         return None

@@ -42,9 +42,9 @@ PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in REMOVED_KEYS) 
     "emitter.height_mm": 0.0,
     "trace.dimension": "2d",
 }
-"""Values that replace any emitter by the paper's."""
+"""Design values that replace any emitter with that of the paper."""
 DARK: dict[str, Any] = {"ambient.power": 0.0, "ambient.irradiance_per_mm": 0.0}
-"""Values that remove ambient light, which is modelled in the plane only and subtracted in a measurement."""
+"""Design values that remove ambient light, which is modelled in the plane only and subtracted in a measurement."""
 
 T = TypeVar("T")
 

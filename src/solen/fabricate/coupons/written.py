@@ -52,7 +52,7 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """Summary of a coupon: size, numbers of features, gaps and steps, and readings of the source.
+    """Summary of a coupon: size, numbers of features, gaps and steps, and interpretations of its published source.
 
     ``parts`` are the parts with files; ``warnings`` list what the printer cannot resolve.
     """

@@ -277,7 +277,7 @@ def _plan(part: Part, rotation: FloatArray) -> Plan:
 
 
 def _indices_between(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
-    """Return the indices of the prisms that extend from one height to the next."""
+    """Return the indices of the prisms that contain the height range from ``low`` to ``high``."""
     middle = 0.5 * (low + high)
     return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
 

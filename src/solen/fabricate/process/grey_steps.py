@@ -190,7 +190,7 @@ def _u_um(depth: FloatArray, index: NDArray[np.intp], column: FloatArray | None,
     residuals = depth - (np.bincount(index, depth) / np.bincount(index))[index]
     df = len(depth) - len(np.unique(index))
     if df < 3:
-        limit = "missing: too few discs have the same grey level to determine it"
+        limit = "is missing, and too few discs have the same grey level to determine it"
         raise DataError("u_thickness_um", limit=limit, remedy="specify --u-thickness-um or add a column u_thickness_um")
     return np.full(len(depth), float(np.sqrt(np.sum(residuals**2) / df)))
 

@@ -275,7 +275,10 @@ def _reported_layers(layers: int) -> list[int]:
 
 
 def _u_process_um(model: FacePrint, process: Process) -> dict[int, float]:
-    """Return the standard uncertainties of the reported layers due to the process, RMS along the wall."""
+    """Return the standard uncertainty of the wall of each reported layer due to the process, RMS along the wall.
+
+    The uncertainties are in µm, keyed by layer index.
+    """
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     layers = _reported_layers(model.layers)
@@ -296,7 +299,10 @@ def _u_layer_um(
 
 
 def _u_phase_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
-    """Return the standard uncertainties of the reported layers due to the position in the pixel, as in `predicted`."""
+    """Return the standard uncertainty of the wall of each reported layer due to the unknown position in the pixel.
+
+    The uncertainties, RMS along the wall in µm, are keyed by layer index.
+    """
     layers = _reported_layers(model.layers)
     changes = zip(layers, model.changes_um(face, layers, FARTHEST_PHASE), strict=True)
     return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in changes}

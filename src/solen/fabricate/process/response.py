@@ -358,10 +358,8 @@ def _image_light(path: Path) -> list[list[float]]:
         limit = f"must contain a single image, but has {pages} pages"
         raise DataError(str(path), limit=limit, remedy="save only the page with the pixel")
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
-        limit = (
-            f"is overexposed: {np.count_nonzero(light == light.max()):,} samples have the full scale, {light.max():g}"
-        )
-        raise DataError(str(path), limit=limit, remedy="use a shorter exposure of the camera")
+        limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are at full scale, {light.max():g}"
+        raise DataError(str(path), limit=limit, remedy="use a shorter camera exposure time")
     rows: list[list[float]] = light[::-1].astype(float).tolist()
     return rows
 
