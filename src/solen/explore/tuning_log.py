@@ -47,7 +47,7 @@ class Correction(Result):
 
     @classmethod
     def of(cls, number: int, file: str, sha256: str, drawing: Drawing) -> "Correction":
-        """Return the entry of a drawing."""
+        """Return the log entry of a drawing."""
         lens = tuple(np.round(drawing.drawn_um, 5).tolist())
         return cls(number, file, sha256, lens, drawing.wall_um, drawing.scale)
 

@@ -93,7 +93,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
 
 
 def cubics(curve: Curve) -> tuple[Control, ...]:
-    """Return the curve of `primitives` as cubic Bézier segments; raise the same errors."""
+    """Return the curves that `primitives` returns, as cubic Bézier segments; raise the errors of `primitives`."""
     if isinstance(curve, CubicChain):
         return curve.controls
     spline = _interpolated(curve)

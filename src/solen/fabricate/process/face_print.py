@@ -143,7 +143,7 @@ class FacePrint:
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def changes_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Return the changes (N,) of the deviation of uncompensated layers due to another position in the pixel."""
+        """Return, for each of ``layers``, the change (N,) of its uncompensated deviation with another ``phase``."""
         stack, same = replace(self, phase=phase)._uncompensated, self._representative
         return [stack.offsets_um(same[layer], self._targets[same[layer]], VERTEX) - face.um[layer] for layer in layers]
 

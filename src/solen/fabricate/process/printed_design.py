@@ -114,7 +114,7 @@ class PrintedDesign(Result):
     response
         Responses with the designed and the printed lens, and the loss; None if they were not traced.
     compensation, compensated_response
-        Drawing that prints as designed, and loss of response with the lens printed from it; None without compensation.
+        Drawing that prints as designed, and responses with the lens printed from it; None without compensation.
     part
         The entire printed part; None if it was not computed.
     sources, warnings

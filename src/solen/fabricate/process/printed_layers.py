@@ -1,4 +1,4 @@
-"""Print of a lens that varies with height: its face layer by layer, and what printing leaves of its benefit.
+"""Print of a lens that varies with height: its face layer by layer, and its contrast before and after printing.
 
 A cylindrical lens with the same middle section is printed by the same model, so that both are compared as designed and
 as printed. Compensation changes the drawing of each layer; the walls next to the lens remain as designed.

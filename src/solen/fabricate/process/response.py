@@ -242,7 +242,7 @@ class MeasuredPixel:
         return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
 
     def _basis(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Return splines (M, N) at points of a periodic grid, times its step, and the indices (M,) of the points."""
+        """Return N splines (M, N) at points of a grid, times its step, and the periodic indices (M,) of the points."""
         positions = self._positions(axis)
         low, high = positions[0] - 2.0 * self.pitch_um, positions[-1] + 2.0 * self.pitch_um
         points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)

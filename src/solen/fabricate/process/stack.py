@@ -51,9 +51,10 @@ class Stack:
     def of(
         cls, layers: Sequence[Rings], extent: FloatArray, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)
     ) -> "Stack":
-        """Return the stack of layers, each closed polylines (N, 2) in mm, over the extent of points (M, 2) + a margin.
+        """Return the stack of layers over the extent of points (M, 2) with a margin.
 
-        Layers given by the same Python object share one image. The errors are those of `FlatImage.of`.
+        A layer is given as closed polylines (N, 2) in mm; layers given by the same object share one image.
+        The errors are those of `FlatImage.of`.
         """
         distinct = list({id(rings): rings for rings in layers}.values())
         index = {id(rings): i for i, rings in enumerate(distinct)}
