@@ -305,7 +305,7 @@ class Prints:
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)
 
     def _scaled(self, requirements: Sequence[Requirement], columns: Sequence[int], factor: float) -> float:
-        """Return the yield from the surrogates with some deviations scaled by a factor."""
+        """Return the yield from the surrogates with the deviations in ``columns`` multiplied by a factor."""
         deviations = self.samples.copy()
         for k in columns:
             centre = self.variations[k].centre
@@ -313,7 +313,7 @@ class Prints:
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], columns: Sequence[int]) -> float | None:
-        """Return the largest factor, up to 1, on some deviations that gives `TARGET_YIELD`; None if there is none."""
+        """Return the largest factor, up to 1, on the deviations in ``columns`` for `TARGET_YIELD`; None if there is none."""
         if not requirements or self._scaled(requirements, columns, 0.0) < TARGET_YIELD:
             return None
         low, high = 0.0, 1.0

@@ -129,7 +129,7 @@ class LoadedStudy(Result):
     strain_largest, off_mm
         Largest principal strain, and largest distance between an optical wall and the finite elements.
     planes
-        Contrast in both plane models at some values; None if one of them has no solution.
+        Contrast in both plane models at a few of the values; None if one of the models has no solution.
     reactions
         For every value, the force and moment of each hold and load on the body.
     warnings

@@ -68,7 +68,7 @@ class Retraced(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """Largest difference in contrast between integration and sampling over some angles, and its uncertainty there."""
+    """Largest difference in contrast between integration and sampling at a few angles, and its uncertainty."""
 
     difference: float
     u_difference: float
