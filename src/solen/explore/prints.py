@@ -313,7 +313,7 @@ class Prints:
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], columns: Sequence[int]) -> float | None:
-        """Return the largest factor, up to 1, on the deviations in ``columns`` for `TARGET_YIELD`; None if there is none."""
+        """Return the largest factor, up to 1, on the deviations in ``columns`` for `TARGET_YIELD`; None without one."""
         if not requirements or self._scaled(requirements, columns, 0.0) < TARGET_YIELD:
             return None
         low, high = 0.0, 1.0

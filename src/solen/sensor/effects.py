@@ -227,7 +227,7 @@ def _effect_at_ends(key: str, value: str, base: Response, other: Sensor) -> Effe
 
 
 def on_soft_body(sensor: Sensor, face: str) -> Sensor:
-    """Return the sensor on a soft body with some faces held; the modulus has no effect, because an angle is prescribed."""
+    """Return the sensor on a soft body with some faces held; its modulus has no effect, as the angle is prescribed."""
     design = sensor.design
     motion = Motion(
         kind="loaded",

@@ -144,7 +144,7 @@ def _process_warnings(job: Job) -> list[Caution]:
     if job.slicing.process is None or job.process is None or job.solid.exposures_s:
         return []
     differences = job.slicing.described_differences(job.process.process)
-    return [warning(f"not printed as in the process: {text}") for text in differences]
+    return [warning(f"the print differs from the process: {text}") for text in differences]
 
 
 def _size_warnings(job: Job) -> list[Caution]:

@@ -151,7 +151,7 @@ class Slices(Solid):
 
 
 def fine_mesh(part: Part) -> Mesh:
-    """Return the mesh of a part within `MESH_MM`; raise `DesignError` if there is none, without naming an option."""
+    """Return the mesh of a part within `MESH_MM`; raise `DesignError`, which names no option, if it is not closed."""
     try:
         return mesh_of(part, MESH_MM)
     except (DesignError, SpecError) as error:
