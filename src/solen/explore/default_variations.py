@@ -71,7 +71,7 @@ def process_variations(sensor: Sensor, process: Process, *, compensated: bool) -
     remainder is independent.
     """
     if sensor.is_network:
-        limit = "describes the growth of the walls of a Y, which does not apply to a network"
+        limit = "describes the growth of the walls of a Y, and does not apply to a network"
         raise SpecError("--process", value=process.name, limit=limit, remedy="vary network.guides[0].width_mm")
     process = with_resin(process, sensor.design)
     keys, covariance = process.covariance()

@@ -284,7 +284,7 @@ def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | Non
 
 
 def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
-    """Return the contrast at a few values in the design's plane model and, with an incompressible body, in the other."""
+    """Return the contrast at a few values in the design's plane model and, for an incompressible body, the other."""
     design = sensor.design
     other = "stress" if design.mechanics.plane == "strain" else "strain"
     indices = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, COMPARED_VALUES)})

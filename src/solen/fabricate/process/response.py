@@ -350,7 +350,9 @@ def _image_light(path: Path) -> list[list[float]]:
         with Image.open(path) as image:
             mode, pages, light = image.mode, getattr(image, "n_frames", 1), np.array(image)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise DataError(str(path), limit=f"cannot be read as an image: {error}", remedy="check the file") from None
+        raise DataError(
+            str(path), limit=f"cannot be read as an image: {error}", remedy="save it again as PNG or TIFF"
+        ) from None
     if mode not in _GREY_MODES:  # the values of a palette are not light
         limit = f"must be a single-channel grey image, without colours or a palette, but has the mode {mode}"
         raise DataError(str(path), limit=limit, remedy="save it as grey levels with 8, 16 or 32 bits")
