@@ -33,7 +33,7 @@ class Adjustment:
 
     @classmethod
     def parse(cls, text: str, sensor: Sensor) -> Self:
-        """Parse an adjustment, ``emitter.offset_mm=0.05``; raise `SpecError` if malformed or for a network."""
+        """Parse an adjustment, ``emitter.offset_mm=0.05``; raise `SpecError` for a malformed one or a network."""
         if sensor.is_network:
             limit = "adjusts a parameter until two receivers give equal readings, and does not apply to a network"
             raise SpecError(OPTION, value=text, limit=limit, remedy=f"omit {OPTION}")

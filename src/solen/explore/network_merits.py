@@ -40,8 +40,8 @@ from solen.spec.placed import state_of
 
 MIN_STEPS = 2
 SLOPE_STEP = 1 / 16
-"""Step on either side of rest for the slopes, as a fraction of each motion's range: that of `solen sensitivity` with
-eight steps.
+"""Step on either side of rest for the slopes, as a fraction of each motion's range: the same as in
+`solen sensitivity` for a motion with eight steps.
 """
 
 

@@ -207,7 +207,7 @@ class PrintModel:
 
 
 def with_blur(settings: Settings, more: float) -> Settings:
-    """Return the settings with a wider blur."""
+    """Return the settings with a blur that is wider by ``more``, in the unit of its parameter."""
     wider = settings.model_copy(update={settings.blur_key: _blur_width(settings) + more})
     return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
 

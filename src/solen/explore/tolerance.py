@@ -121,7 +121,7 @@ class Tolerances(Result):
         return variables, coordinates, {"title": f"Prints of {self.name}", "simulated": 1}
 
     def table(self) -> str:
-        """Return a CSV table of the prints: number, deviations, merits with uncertainties, and whether all is met."""
+        """Return a CSV table of the prints: number, deviations, merits with u, and whether all requirements are met."""
         columns = {f"{key} off by": values for key, values in self.deviations.items()} | dict(self.merits)
         head = ["print", *columns, "meets all"]
         rows = zip(*(values.tolist() for values in columns.values()), self.met.tolist(), strict=True)

@@ -30,7 +30,7 @@ CHIP_MM = 0.2
 MAX_ANGLES = 13
 """Maximum number of angles at which a sensor that differs from the design is traced."""
 PAPER_TOLERANCE = 1e-5
-"""Tolerance of the integrated response as in the paper."""
+"""Integration tolerance of the response with the emitter of the paper."""
 MIN_CONTRAST_CHANGE = 0.05
 """Smallest change of the contrast that causes a warning: a fortieth of the contrast range."""
 REMOVED_KEYS = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")

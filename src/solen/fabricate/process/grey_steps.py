@@ -36,7 +36,7 @@ MIN_GREY_LEVELS = 4
 MAX_DARKEST = 0.5
 """Maximum lowest grey level without a warning."""
 MAX_FALL = 3.0
-"""Maximum difference between a thickness and its ascending value, in standard uncertainties."""
+"""Maximum difference between a measured thickness and the fitted ascending one, in standard uncertainties."""
 
 
 class GreyOptions(RowOptions):

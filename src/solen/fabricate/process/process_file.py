@@ -44,7 +44,7 @@ from solen.spec.strict import (
 SCHEMA = 1
 MIGRATIONS: Migrations = {}
 GROWTH = "growth_um"
-"""Growth of a straight wall, which a calibration determines instead of the critical dose."""
+"""Key of the growth of a straight wall, which a calibration determines instead of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 U_RESPONSE = 0.05
 """Default standard uncertainty of the scale of a response."""
