@@ -82,7 +82,10 @@ def ranked(warnings: Iterable[str]) -> list[str]:
 
 
 def _merged(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Return the first warning with those like it, for other subjects or numbers, and the line that replaces them."""
+    """Return the warnings that can be shown as one line with the first, including it, and that line.
+
+    They have the same sentence about other subjects, or differ only in numbers, whichever replaces more warnings.
+    """
     named = (_of_sentence(group, sentence) for _, sentence in group[0].tails())
     return max((*named, _of_numbers(group)), key=lambda candidate: len(candidate[0]))
 

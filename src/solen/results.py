@@ -53,7 +53,7 @@ UNCHANGED_KEYS = {"options", "sources"}
 
 
 def in_unit(data: dict[str, Any], unit: str, before: str = "V") -> dict[str, Any]:
-    """Return data with the unit in its keys replaced: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    """Return data with a unit in its keys replaced with another: for V and pF, ``range_V`` becomes ``range_pF``."""
     if unit == before:
         return data
     return rekeyed(data, re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))"), as_key(unit))

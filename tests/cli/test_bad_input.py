@@ -112,9 +112,9 @@ PIVOT_OUTSIDE = {"motion.moves": '["emitter"]', "motion.pivot": "[30.0, 0.0]"}
 VALUES: dict[str, tuple[dict[str, str], str]] = {
     "unknown key": ({"lens.focus": "20"}, "did you mean lens.focus_mm?"),
     "key of another table": ({"lens.distance_mm": "1"}, "did you mean emitter.distance_mm?"),
-    "reserved key": ({"emitter.power_mW": "50"}, "emitter.power_mW; not yet supported"),
+    "reserved key": ({"emitter.power_mW": "50"}, "emitter.power_mW; is not yet supported"),
     "unknown kind": ({"motion.kind": '"shift"'}, "motion.kind"),
-    "reserved seed": ({"trace.seed": "1"}, "trace.seed; not yet supported"),
+    "reserved seed": ({"trace.seed": "1"}, "trace.seed; is not yet supported"),
     "index below 1": ({"material.index": "0.99"}, "material.index = 0.99; must be at least 1"),
     "index of 1": ({"material.index": "1"}, "= 1.0; must be above 1"),
     "index nan": ({"material.index": "nan"}, "material.index = nan; must be a finite number"),

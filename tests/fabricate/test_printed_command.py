@@ -333,7 +333,7 @@ INVALID_FEATURES: list[tuple[dict[str, Any], str]] = [
     ({"nominal_mm": None}, r"features\[0\]\.nominal_mm"),
     ({"measured_mm": "wide"}, r"features\[0\]\.measured_mm = 'wide'"),
     ({"measured_mm": 9000.0}, r"at most 100"),
-    ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; missing"),
+    ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; is missing"),
     ({"u_measured_mm": 0}, r"features\[0\]\.u_measured_mm = 0; must be greater than 0"),
     ({"resolved": "yes"}, r"features\[0\]\.resolved = 'yes'"),
     ({"resolved": False}, r"coupons; .*at least 3"),

@@ -463,7 +463,7 @@ def test_reads_any_curve_from_json_exactly(tmp_path: Path) -> None:
         ("a.svg", '<svg width="1mm"><path d="M0 0L1e300 1"/></svg>', "between ±1e+09"),
         ("a.json", "{", "not valid JSON"),
         ("a.json", "{}", "solen_outline is missing"),
-        ("a.json", '{"solen_outline": 1, "faces": [{"name": "a"}]}', "faces[0]: curve; missing"),
+        ("a.json", '{"solen_outline": 1, "faces": [{"name": "a"}]}', "faces[0]: curve; is missing"),
         ("a.json", '{"solen_outline": 2, "faces": []}', "must be 1 for this version of solen"),
         ("a.json", '{"solen_outline": 1, "faces": [], "emitters": [{"pt": 1}]}', "emitters[0]: pt; unknown key"),
     ],

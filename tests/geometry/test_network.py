@@ -324,7 +324,7 @@ INVALID = {
     ),
     "measured": ({"lens.shape": "measured", "lens.profile": "lens.json"}, r"^lens\.(shape|profile) = "),
     "ambient": ({"ambient.power": 0.1}, r"^ambient\.power = 0\.1; does not apply with body\.kind"),
-    "no receivers": ({"network.receivers": []}, r"^network\.receivers; missing"),
+    "no receivers": ({"network.receivers": []}, r"^network\.receivers; is missing"),
     "face": ({"network.guides[0].name": "mirror-a"}, r"^network\.guides\[0\]\.name = 'mirror-a'; must not begin"),
 }
 

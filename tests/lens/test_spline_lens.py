@@ -174,7 +174,7 @@ def test_the_derivative_with_respect_to_a_knot_agrees_with_differences(knots: tu
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"shape": "spline"}, "lens.knots_um; missing"),
+        ({"shape": "spline"}, "lens.knots_um; is missing"),
         ({"shape": "spline", "knots_um": []}, "lens.knots_um = .*at least 1"),
         ({"knots_um": [1.0]}, 'lens.knots_um = .*does not apply with shape = "cartesian-oval"'),
         ({"min_feature_um": 50.0}, "lens.min_feature_um = 50.0; does not apply without knots_um"),

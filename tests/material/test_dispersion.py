@@ -178,7 +178,7 @@ def test_accepts_a_singular_covariance() -> None:
         (Constant, {"n": 0.9}, "index.n = 0.9; must be at least 1"),
         (Constant, {"n": 5}, "index.n = 5; must be less than 5"),
         (Constant, {"n": math.nan}, "index.n = nan; must be a finite number"),
-        (Constant, {}, "index.n; missing; add it"),
+        (Constant, {}, "index.n; is missing; add it"),
         (Constant, {"n": 1.5, "u_n": -1}, "index.u_n = -1; must be at least 0"),
         (Constant, {"n": 1.5, "valid_nm": [700, 400]}, "index.valid_nm = [700.0, 400.0]; must be in ascending order"),
         (Constant, {"n": 1.5, "valid_nm": [0, 400]}, "index.valid_nm[0] = 0; must be greater than 0"),

@@ -105,7 +105,7 @@ def test_a_file_contains_an_index_of_each_kind(index: str, kind: type, at_500_nm
         ),
         ('name = "x"', "; schema is missing; add the line schema = 1"),
         ("schema = 2", "schema = 2; was written by a newer solen; this version reads schema 1"),
-        ("schema = ", "; not valid TOML: Invalid value (at line 1, column 10)"),
+        ("schema = ", "; is not valid TOML: Invalid value (at line 1, column 10)"),
     ],
 )
 def test_refuses_an_invalid_file_in_one_line(text: str, line: str, tmp_path: Path) -> None:
@@ -134,9 +134,9 @@ def test_every_resin_of_the_library_loads_and_names_its_source() -> None:
 
 def test_an_unknown_resin_is_refused_with_the_closest_name() -> None:
     names = re.escape(", ".join(library()))
-    with pytest.raises(DataError, match=rf"^resin = 'PMAA'; not in the library \({names}\); did you mean pmma\?$"):
+    with pytest.raises(DataError, match=rf"^resin = 'PMAA'; is not in the library \({names}\); did you mean pmma\?$"):
         library_resin("PMAA")
-    with pytest.raises(DataError, match=rf"^resin = 'glass'; not in the library \({names}\); .*\.toml"):
+    with pytest.raises(DataError, match=rf"^resin = 'glass'; is not in the library \({names}\); .*\.toml"):
         library_resin("glass")
 
 

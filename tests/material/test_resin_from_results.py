@@ -102,7 +102,7 @@ def test_refuses_an_index_at_fewer_than_two_wavelengths() -> None:
         ({"wavelength_nm": [0.0, 1.0, 2.0]}, "wavelength_nm[0] = 0.0; must be greater than 0"),
         ({"mode": None}, "mode; must be a string"),
         ({"fit": {"kind": "spline"}}, "fit = 'spline'; must be a cauchy or a sellmeier formula"),
-        ({"fit": {"kind": "cauchy", "B_um2": 0.1}}, "index.A; missing"),
+        ({"fit": {"kind": "cauchy", "B_um2": 0.1}}, "index.A; is missing"),
         (
             {"fit": {"kind": "cauchy", "A": 1.5, "covariance": [[1.0]]}},
             "index.covariance",

@@ -79,7 +79,7 @@ def test_the_sensitivity_of_receivers_varies_by_a_factor_of_three() -> None:
     [
         ('kind = "emitter"', 'kind = "lamp"', "kind = 'lamp'; must be one of emitter, receiver, adc, trimmer"),
         ('kind = "emitter"\n', "", "kind; must be one of emitter, receiver, adc, trimmer; add for example kind"),
-        ('maker = "me"\n', "", "maker; missing"),
+        ('maker = "me"\n', "", "maker; is missing"),
         ("typical = 940\n", "", "peak_nm; has no value"),
         (
             "typical = 940",
@@ -89,7 +89,7 @@ def test_the_sensitivity_of_receivers_varies_by_a_factor_of_three() -> None:
         ("typical = 940", 'typical = "red"', "peak_nm.typical = 'red'; must be a number"),
         ("typical = 940", "typical = -1", "must be greater than 0"),
         ("[peak_nm]", "[peak]", "peak; unknown key"),
-        ('basis = "measured"\nsource = "goniometer"', 'source = "goniometer"', "pattern.basis; missing"),
+        ('basis = "measured"\nsource = "goniometer"', 'source = "goniometer"', "pattern.basis; is missing"),
         ('basis = "measured"\nsource = "goniometer"', 'basis = "guess"\nsource = "x"', "pattern.basis = 'guess'"),
         ("[0, 45, 90]", "[0, 45]", "pattern.relative; has 3 values, but must have 2, as many as angle_deg"),
         ("[0, 45, 90]", "[5, 45, 90]", "angles must be in ascending order from 0"),
@@ -204,7 +204,7 @@ def test_a_design_that_is_written_and_read_has_the_same_light(emitter: dict[str,
 @pytest.mark.parametrize(
     ("emitter", "words"),
     [
-        ({"pattern": "table"}, "emitter.pattern_table; missing"),
+        ({"pattern": "table"}, "emitter.pattern_table; is missing"),
         ({"pattern_table": ((0.0, 1.0), (90.0, 0.0))}, 'does not apply with pattern = "fan"'),
         ({"pattern": "table", "pattern_table": ((1.0, 1.0), (90.0, 0.0))}, "ascending order from 0"),
         ({"pattern": "table", "pattern_table": ((0.0, 1.0),)}, "at least 2 entries"),

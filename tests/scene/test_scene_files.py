@@ -242,7 +242,7 @@ def test_reports_position_of_unknown_or_missing_key(part: str) -> None:
     wrong = data()
     needed = {"regions": "index", "interfaces": "left", "sources": "direction_deg", "monitors": "end"}[part]
     del wrong[part][1][needed]
-    assert f"scene.json: {part}[1]: {needed}; missing" in refused(json.dumps(wrong))
+    assert f"scene.json: {part}[1]: {needed}; is missing" in refused(json.dumps(wrong))
 
 
 @pytest.mark.parametrize("kind", [None, 3, ["fan"], {"fan": 1}, "sun"])

@@ -349,7 +349,7 @@ def test_derivative_is_that_of_the_named_emitter() -> None:
     second = {"name": "other", "lens": "main", "offset_mm": 0.05}
     design = y_network(y_design(), emitters=[{"name": "led", "lens": "main"}, second])
     sensor, key = Sensor.of(design), "emitter.distance_mm"
-    with pytest.raises(SpecError, match=r"emitter; missing: the emitters are led, other"):
+    with pytest.raises(SpecError, match=r"emitter; is missing: the emitters are led, other"):
         sensor.derivative(key)
     assert sensor.derivative(key, emitter="other").reached
     with pytest.raises(SpecError, match=r"network\.lit"):

@@ -149,7 +149,7 @@ def test_an_error_in_a_single_table_names_the_dotted_key() -> None:
 
 def test_a_gap_is_required_with_an_air_gap_and_only_then() -> None:
     assert Receivers(coupling="air-gap", gap_mm=0.5).gap_mm == 0.5
-    assert error_line(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; missing")
+    assert error_line(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; is missing")
     assert error_line(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; does not apply with coupling")
 
 
@@ -216,12 +216,12 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
         ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); does not apply with body.kind"),
         ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),
         ({"motion": BEND | {"centre_line": [[0, 0], [0, 1]]}}, "motion.centre_line = [[0, 0], [0, 1]]; must be"),
-        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: required for the bend of an outline"),
+        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; is missing: required for the bend of an outline"),
         (
             {"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN},
             "motion.bend_mm = [5.0, 0.0]; must be in ascending order",
         ),
-        ({"body": {"kind": "outline"}}, "body.file; missing"),
+        ({"body": {"kind": "outline"}}, "body.file; is missing"),
         ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; does not apply with body.kind = "),
         ({"body": {"units": "mm"}}, "body.units = 'mm'; does not apply"),
         ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; does not apply with body.kind = "),

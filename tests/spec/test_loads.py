@@ -46,11 +46,11 @@ def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
 @pytest.mark.parametrize(
     ("text", "problem", "remedy"),
     [
-        (TURNED, "hold; missing: there is no default", '"receiver-*"'),
+        (TURNED, "hold; is missing: there is no default", '"receiver-*"'),
         (HOLD, "hold; does not apply with motion.kind = ", "loaded"),
         ("[mechanics]\npoisson = 0.49\n", "mechanics; does not apply with motion.kind = ", "loaded"),
         ('[motion]\ndrives = "a.angle_deg"\n', "motion.drives = 'a.angle_deg'; does not apply", "omit motion.drives"),
-        ("[motion]\nkind = 'loaded'\n" + HOLD, "motion.drives; missing", "add a [[press]]"),
+        ("[motion]\nkind = 'loaded'\n" + HOLD, "motion.drives; is missing", "add a [[press]]"),
         (TURNED + HOLD, "motion.drives = 'clamp.angle_deg'; is not a quantity", "add a [[press]]"),
         (TURNED + HOLD + CLAMP + "angle_deg = 1\n", "hold[1].angle_deg = 1.0; does not apply with", "omit angle_deg"),
         (
@@ -68,9 +68,9 @@ def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
         (PRESSED + "from_deg = -1\n" + HOLD + FINGER, "motion.from_deg = -1.0; does not apply", "omit motion.from_deg"),
         (PRESSED.replace("depths", "sdepths") + HOLD + FINGER, "motion.sdepths_mm; unknown key", "depths_mm"),
         (PRESSED.replace("[0, 0.25", "[0, 0"), "motion.depths_mm = ", "must be a list of numbers in ascending order"),
-        (PRESSED.replace("[0, 0.25", "[-1, 0"), "hold; missing", "add"),
+        (PRESSED.replace("[0, 0.25", "[-1, 0"), "hold; is missing", "add"),
         (PRESSED.replace("[0, 0.25", "[-1, 0") + HOLD + FINGER, "motion.depths_mm = ", "must be at least 0"),
-        (TURNED + HOLD + CLAMP + FINGER, "press[0].depth_mm; missing: required unless motion.drives drives it", "add"),
+        (TURNED + HOLD + CLAMP + FINGER, "press[0].depth_mm; is missing: required unless motion.drives", "add"),
         (
             TURNED + HOLD + CLAMP + FINGER + "depth_mm = 1\nforce_N = 1\n",
             "press[0].force_N = 1.0; does not apply with depth_mm",
@@ -81,7 +81,7 @@ def test_keys_of_several_tables_are_read_and_set_by_index() -> None:
             "press[0].absorption_per_mm = 1.0; does not apply without an index",
             "index",
         ),
-        (TURNED + HOLD + CLAMP.replace('about = "stem-base"', ""), "hold[1].about; missing", "stem-base"),
+        (TURNED + HOLD + CLAMP.replace('about = "stem-base"', ""), "hold[1].about; is missing", "stem-base"),
         (TURNED + HOLD + "about = 'emitter'\n" + CLAMP, "hold[0].about = 'emitter'; does not apply", "turning"),
         (
             TURNED + HOLD + CLAMP + CLAMP.replace('"stem-base"', '"emitter"'),

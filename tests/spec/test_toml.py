@@ -55,7 +55,7 @@ RESERVED = {
 
 @pytest.mark.parametrize(("table", "key"), [(table, key) for table, keys in RESERVED.items() for key in keys])
 def test_a_reserved_key_is_not_yet_supported(table: str, key: str) -> None:
-    assert error_line(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; not yet supported")
+    assert error_line(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; is not yet supported")
 
 
 @pytest.mark.parametrize("name", ["emitters", "lenses", "receivers", "emitter", "lens", "motion"])
@@ -74,8 +74,8 @@ def test_a_value_where_a_table_belongs_is_refused() -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("schema = 1\n[material]\nindex = 1.44", "name; missing; add"),
-        ('schema = 1\nname = "x"', "material; missing; add"),
+        ("schema = 1\n[material]\nindex = 1.44", "name; is missing; add"),
+        ('schema = 1\nname = "x"', "material; is missing; add"),
         ('name = "x"\n[material]\nindex = 1.44', "; schema is missing; add the line schema = 1"),
     ],
 )
@@ -266,7 +266,7 @@ def test_depths_and_forces_of_a_motion_replace_each_other() -> None:
         ("name.x", 25, "name.x; unknown key"),
         ("schema", 1, "schema; unknown key"),
         ("lens.focus_mm", float("nan"), "lens.focus_mm = nan; must be a finite number"),
-        ("emitter.power_mW", 50.0, "emitter.power_mW; not yet supported"),
+        ("emitter.power_mW", 50.0, "emitter.power_mW; is not yet supported"),
         ("", 1, "; unknown key"),
     ],
 )

@@ -50,14 +50,14 @@ def test_a_design_without_walls_writes_none() -> None:
     ("keys", "start"),
     [
         ('fac = "x"', "wall[0].fac; unknown key; did you mean wall[0].face?"),
-        ("from_mm = 1", "wall[0].face; missing; add it: a face or a pattern"),
+        ("from_mm = 1", "wall[0].face; is missing; add it: a face or a pattern"),
         ('face = "a"\nfrom_mm = -1', "wall[0].from_mm = -1; must be at least 0"),
         ('face = "a"\nfrom_mm = 2\nto_mm = 1', "wall[0].from_mm = 2.0; must be less than to_mm = 1.0"),
-        ('face = "a"\noutside = "skin"', "wall[0].index; missing: required with outside"),
+        ('face = "a"\noutside = "skin"', "wall[0].index; is missing: required with outside"),
         ('face = "a"\noutside = "body"\nindex = 1.4', "wall[0].outside = 'body'; is reserved for the printed part"),
         ('face = "a"\nindex = 1.4', "wall[0].index = 1.4; does not apply with outside = "),
         ('face = "a"\ngap_um = 1', "wall[0].gap_um = 1.0; does not apply with outside = "),
-        ('face = "a"\nscatter = "gaussian"', "wall[0].sigma; missing: required with scatter = "),
+        ('face = "a"\nscatter = "gaussian"', "wall[0].sigma; is missing: required with scatter = "),
         ('face = "a"\nsigma = 0.1', "wall[0].sigma = 0.1; does not apply with scatter = "),
         ('face = "a"\nreflectance = 0.5', "wall[0].reflectance = 0.5; does not apply without finish"),
         ('face = "a"\nfinish = "mirror"\noutside = "skin"\nindex = 1.4', "wall[0].outside; does not apply with finish"),
@@ -65,8 +65,8 @@ def test_a_design_without_walls_writes_none() -> None:
             'face = "a"\nfinish = "black"\nscatter = "lambertian"',
             "wall[0].scatter; does not apply with finish = ",
         ),
-        ('face = "a"\ntexture_pitch_um = 25', "wall[0].texture_amplitude_um; missing"),
-        ('face = "a"\ncoating = [{index = 1.3}]', "wall[0].coating[0].thickness_nm; missing; add it: thickness"),
+        ('face = "a"\ntexture_pitch_um = 25', "wall[0].texture_amplitude_um; is missing"),
+        ('face = "a"\ncoating = [{index = 1.3}]', "wall[0].coating[0].thickness_nm; is missing; add it: thickness"),
     ],
 )
 def test_an_error_in_a_wall_names_its_index(keys: str, start: str) -> None:

@@ -33,9 +33,9 @@ class Adjustment:
 
     @classmethod
     def parse(cls, text: str, sensor: Sensor) -> Self:
-        """Parse an adjustment, ``emitter.offset_mm=0.05``; raise `SpecError` if malformed or for a network."""
+        """Parse an adjustment, ``emitter.offset_mm=0.05``; raise `SpecError` for a malformed one or a network."""
         if sensor.is_network:
-            limit = "adjusts a parameter until two receivers give equal readings, which does not apply to a network"
+            limit = "adjusts a parameter until two receivers give equal readings, and does not apply to a network"
             raise SpecError(OPTION, value=text, limit=limit, remedy=f"omit {OPTION}")
         return cls(*parse_deviation(text, sensor, OPTION))
 

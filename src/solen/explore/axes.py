@@ -68,7 +68,7 @@ def check_not_set(option: str, texts: Sequence[str], assignments: Sequence[str] 
 
 
 def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
-    """Return evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
+    """Return the axis of ``15:25:11``, eleven evenly spaced values, or of ``15:25``, a range with two ends."""
     try:
         low, high, *number = (float(part) for part in text.split(":"))
     except ValueError:

@@ -113,7 +113,7 @@ class ContourDeviations:
 
     @property
     def bias_um(self) -> float:
-        """Common shift of all edges that uneven light may cause, in µm."""
+        """Standard uncertainty of a common shift of all edges, which uneven light may cause, in µm."""
         return EDGE_BIAS_PX * self.um_per_px
 
 
@@ -125,7 +125,7 @@ def corner_arc_mm(nominal: NominalFront) -> float:
 def _pieces(
     arc: FloatArray, deviation: FloatArray, u: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the mean position and deviation of equally long pieces, and the uncertainty of the latter from noise."""
+    """Return the mean position and the mean deviation of equally long pieces, and the noise of the mean deviation."""
     if not len(arc):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     edges = np.linspace(arc.min(), arc.max(), count + 1)[1:-1]

@@ -35,7 +35,7 @@ DATASHEET_LIMITS = {
     "emitter.width_mm": "width_mm",
     "emitter.height_mm": "height_mm",
 }
-"""Attribute of a part with the limits of a parameter."""
+"""Attribute of the emitter's part that contains the datasheet limits of a parameter, keyed by parameter."""
 
 
 def variations_of(
@@ -71,7 +71,7 @@ def process_variations(sensor: Sensor, process: Process, *, compensated: bool) -
     remainder is independent.
     """
     if sensor.is_network:
-        limit = "describes the growth of the walls of a Y, which does not apply to a network"
+        limit = "describes the growth of the walls of a Y, and does not apply to a network"
         raise SpecError("--process", value=process.name, limit=limit, remedy="vary network.guides[0].width_mm")
     process = with_resin(process, sensor.design)
     keys, covariance = process.covariance()
@@ -109,7 +109,7 @@ def _derivatives(process: Process, key: str, u: float) -> list[float]:
 
 
 def _weights(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
-    """Return the weights of the parameters that the design has, multiplied by their lengths if ``by_length``."""
+    """Return the weights of the parameters that the design has, multiplied by their values if ``by_length``."""
     present = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
     return {key: weight * number(sensor, key) for key, weight in present.items()} if by_length else present
 

@@ -28,8 +28,8 @@ COARSE_FRACTION = 1 / 3
 angle.
 """
 KINK_SLOPE, KINK_HEIGHT = 0.3, 0.125
-"""Standard uncertainties due to a kink, per unit change of slope: of the slope, since the kink may be on either side,
-and of the contrast between two angles, the latter also per unit length of the step.
+"""Standard uncertainties due to a kink: of the slope, as a fraction of the change of slope, since the kink may be on
+either side; and of the contrast between two angles, as a fraction of the change of slope times the step.
 """
 KINK_NOISE = math.sqrt(28.0)
 """Standard deviation of the estimated change of slope, times the step, per standard deviation of the contrast."""

@@ -40,8 +40,8 @@ from solen.spec.placed import state_of
 
 MIN_STEPS = 2
 SLOPE_STEP = 1 / 16
-"""Step on either side of rest for the slopes, as a fraction of each motion's range: that of `solen sensitivity` with
-eight steps.
+"""Step on either side of rest for the slopes, as a fraction of each motion's range: the same as in
+`solen sensitivity` for a motion with eight steps.
 """
 
 
@@ -69,7 +69,7 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
 
 
 def _motion_sds(design: Design, response: NetworkResponse) -> FloatArray:
-    """Return the standard deviation of each motion at rest for one cycle of readings, and its u (motions, 2)."""
+    """Return, for each motion, its standard deviation at rest from one cycle of readings, and the u of that (M, 2)."""
     states, motion_indices, slope_states = states_of(design.network)
     if not slope_states:
         return np.empty((0, 2))

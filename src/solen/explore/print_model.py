@@ -171,7 +171,7 @@ class PrintModel:
 
     @property
     def min_blur(self) -> float:
-        """Largest reduction of the blur, to half, in standard uncertainties; negative."""
+        """Change of the blur to half its value, the largest allowed reduction, in standard uncertainties; negative."""
         if self.wider is None:
             return 0.0
         return -0.5 * _blur_width(self.settings) / (_blur_width(self.wider.settings) - _blur_width(self.settings))
@@ -207,7 +207,7 @@ class PrintModel:
 
 
 def with_blur(settings: Settings, more: float) -> Settings:
-    """Return the settings with a wider blur."""
+    """Return the settings with a blur that is wider by ``more``, in the unit of its parameter."""
     wider = settings.model_copy(update={settings.blur_key: _blur_width(settings) + more})
     return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
 

@@ -202,7 +202,7 @@ class Prints:
         return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, u_merits)
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedParameter]:
-        """Return the parameters that vary and their effect on the yield, in ascending order of `share_if_exact`."""
+        """Return the parameters that vary and their effect on the yield, in descending order of `share_if_exact`."""
         named = {name for requirement in requirements for name in requirement.merits}
         if not all(np.isfinite(self.merits[name]).all() for name in named):
             requirements = []  # surrogates cannot predict missing merits
@@ -305,7 +305,7 @@ class Prints:
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)
 
     def _scaled(self, requirements: Sequence[Requirement], columns: Sequence[int], factor: float) -> float:
-        """Return the yield from the surrogates with some deviations scaled by a factor."""
+        """Return the yield from the surrogates with the deviations in ``columns`` multiplied by a factor."""
         deviations = self.samples.copy()
         for k in columns:
             centre = self.variations[k].centre
@@ -313,7 +313,7 @@ class Prints:
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], columns: Sequence[int]) -> float | None:
-        """Return the largest factor, up to 1, on some deviations that gives `TARGET_YIELD`; None if there is none."""
+        """Return the largest factor, up to 1, on the deviations in ``columns`` for `TARGET_YIELD`; None without one."""
         if not requirements or self._scaled(requirements, columns, 0.0) < TARGET_YIELD:
             return None
         low, high = 0.0, 1.0

@@ -146,7 +146,7 @@ def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
     check_axes(axes, None)
     if len(axes) > MAX_AXES:
         limit = f"a page has at most {MAX_AXES} sliders"
-        raise SpecError("--over", value=f"{len(axes)} sliders", limit=limit, remedy=f"use --over {MAX_AXES} times")
+        raise SpecError("--over", value=f"{len(axes)} sliders", limit=limit, remedy=f"use at most {MAX_AXES} --over")
     points = math.prod(len(slider.values) for slider in axes)
     if points > MAX_POINTS:
         limit = f"a page has at most {MAX_POINTS} combinations"

@@ -96,7 +96,10 @@ def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatAr
 
 
 def fold_indices(samples: int) -> IntArray:
-    """Return the random fold of each sample, since every n-th Sobol' point is in the same part of the cube."""
+    """Return a cross-validation fold (N,), 0 to FOLDS − 1, for each sample, assigned at random.
+
+    Folds of every n-th sample would not do, because every n-th Sobol' point is in the same part of the cube.
+    """
     return np.asarray(np.random.default_rng(0).permutation(samples) % FOLDS)
 
 

@@ -30,9 +30,9 @@ CORRELATION_LENGTHS_MM = (0.12, 0.25, 0.5, 1.0)
 PIXEL_LENGTH_MM = 0.1
 """Correlation length of the effects of pixels on an edge."""
 REPEAT_FACTORS = ((0.4, 0.25), (1.0, 0.5), (2.5, 0.25))
-"""Factors on the specified difference between prints, which is known within a factor of 2, and their weights."""
+"""Pairs of a factor on the specified difference between prints, which is known within a factor of 2, and a weight."""
 MODEL_ERROR_FACTORS = ((0.3, 0.4), (0.8, 0.4), (1.5, 0.2))
-"""Factors on the expected error of modelled pixel effects, and their weights."""
+"""Pairs of a factor on the expected error of modelled pixel effects, and a weight."""
 U_POSE = 0.1
 """Standard deviations of the priors of rotation (rad) and shift (mm), which are practically flat."""
 MIN_WEIGHT = 1e-4

@@ -39,7 +39,7 @@ from solen.spec import Design
 from solen.spec.strict import Finite
 
 TEST_PROBABILITY = 0.84
-"""Quantile at which the effect of a single deviation is tested: one standard deviation of a normal distribution."""
+"""Probability of the deviation with which a single tolerance is tested: one standard deviation above a normal mean."""
 KEEP_CONSTANT = "keep this parameter constant: specify only the other parameters with --vary"
 
 
@@ -121,7 +121,7 @@ class Tolerances(Result):
         return variables, coordinates, {"title": f"Prints of {self.name}", "simulated": 1}
 
     def table(self) -> str:
-        """Return a CSV table of the prints: number, deviations, merits with uncertainties, compliance."""
+        """Return a CSV table of the prints: number, deviations, merits with u, and whether all requirements are met."""
         columns = {f"{key} off by": values for key, values in self.deviations.items()} | dict(self.merits)
         head = ["print", *columns, "meets all"]
         rows = zip(*(values.tolist() for values in columns.values()), self.met.tolist(), strict=True)

@@ -30,7 +30,7 @@ class TuneOptions(InspectOptions):
 
 @dataclass(frozen=True)
 class Common:
-    """Deviations common to all prints of a design, and individual ones.
+    """Deviations common to all prints of a design, and the scatter of individual prints.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Common:
     size_percent, u_size_percent
         Relative error of the size in addition to the overgrowth.
     form_um
-        RMS form after registration, without overgrowth and size, as far as resolved.
+        RMS of the common form after registration, without overgrowth and size, as far as images resolve it.
     repeat_um
         Standard deviation of the individual form of a print.
     prints

@@ -30,7 +30,7 @@ def responses(
     after: Sequence[MeasuredLens],
     progress: Progress | None = None,
 ) -> Responses:
-    """Return the responses with the lens as designed, before and after the correction.
+    """Return the responses with the designed lens, and with the printed lens before and after the correction.
 
     The first lens of ``before`` and ``after`` is the best estimate; the others are random samples about it.
 

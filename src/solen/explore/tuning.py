@@ -50,7 +50,7 @@ from solen.sensor.as_printed import DRAWS
 
 SAMPLES, SEED = 2000, 1
 POINT_STEP = 3
-"""Every n-th point of the lens is used in the fit."""
+"""Index step between the points of the lens that are used in the fit."""
 MAX_BLUR_STEPS = 3.0
 """Largest increase of the printer's blur, in standard uncertainties."""
 MAX_LOG_RATIO = 20.0
@@ -112,9 +112,7 @@ def check_tunable(sensor: Sensor) -> None:
     """Raise `DesignError` if the lens of a design is not a single profile, which an image of its print can show."""
     if isinstance(sensor.cut, LensInSpace):
         limit = "a lens whose profile varies with height cannot be tuned: an image shows the profile at only one height"
-        remedy = (
-            "correct it with solen print predict --compensate, and measure both faces with solen print inspect --bottom"
-        )
+        remedy = "use solen print predict --compensate, and measure both faces with solen print inspect --bottom"
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy=remedy)
     if not isinstance(sensor.cut, DesignedLens):
         limit = "the designed lens must be a Cartesian oval or a spline"
@@ -133,7 +131,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
         raise DataError("--design", value=design.name, limit=limit, remedy=remedy)
     if (log.pixels_um, log.phase_px) != (new.pixels_um, new.phase_px):
         value = f"pixels of {new.pixels_um[0]:g} x {new.pixels_um[1]:g} µm, vertex at {new.phase_px}"
-        limit = f"the log's prints have {log.pixels_um[0]:g} x {log.pixels_um[1]:g} µm and {log.phase_px}"
+        limit = f"the prints of the log have {log.pixels_um[0]:g} x {log.pixels_um[1]:g} µm, vertex at {log.phase_px}"
         raise DataError(
             "--printer", value=value, limit=limit, remedy="specify the printer and --phase-px of those prints"
         )
@@ -297,7 +295,11 @@ class _Tuning:
 
     @cached_property
     def samples(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Random states, individual forms of a further print, and factors on the error of pixel effects."""
+        """Random samples of what determines the next print.
+
+        They are states (SAMPLES, n + 3) of the common deviations, individual forms (SAMPLES, n) of a print in µm, and
+        factors (SAMPLES,) on the error of the modelled pixel effects; see `Systematic.samples`.
+        """
         return self.common.samples(SAMPLES, np.random.default_rng(SEED))
 
     @cached_property

@@ -47,7 +47,7 @@ class Correction(Result):
 
     @classmethod
     def of(cls, number: int, file: str, sha256: str, drawing: Drawing) -> "Correction":
-        """Return the entry of a drawing."""
+        """Return the log entry of a drawing."""
         lens = tuple(np.round(drawing.drawn_um, 5).tolist())
         return cls(number, file, sha256, lens, drawing.wall_um, drawing.scale)
 
@@ -200,7 +200,7 @@ def read_log(path: Path) -> TuningLog:
         limit = f'is not a log of solen print tune: it does not contain "solen": "{KIND}"'
         raise DataError(name, limit=limit, remedy="specify another --log, or remove the file")
     if (schema := data.pop("schema", None)) != SCHEMA:
-        limit = f"this version of solen reads schema {SCHEMA}"
+        limit = f"must be {SCHEMA}, which this version of solen reads"
         raise DataError(f"{name}: schema", value=schema, limit=limit, remedy="install a newer version of solen")
     log = build(TuningLog, data, name)
     for number, logged in enumerate(log.prints, start=1):

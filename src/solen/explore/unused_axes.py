@@ -28,7 +28,7 @@ def unused_in_samples(
     points: Sequence[Point],
     traced: Callable[[Sequence[Mapping[str, Any]]], Sequence[Point]],
 ) -> Iterator[str]:
-    """Yield the keys that change none of a few samples if varied alone, over a list or to both ends of a range."""
+    """Yield the keys that, varied alone over their list or to both ends of their range, change no sample tried."""
     trials = [sample for sample, point in enumerate(points) if point.is_traced][:TRIAL_SAMPLES]
     for axis in axes:
         varied = [{**values[sample], axis.key: value} for sample in trials for value in axis.values]

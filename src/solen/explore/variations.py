@@ -63,7 +63,7 @@ class Variation:
         return self.first if self.kind == "normal" else min(max(0.0, self.first), self.second)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Return the quantiles of the deviation at some probabilities, 0 to 1."""
+        """Return the quantiles of the deviation at the given probabilities, 0 to 1."""
         if self.kind == "normal":
             return np.asarray(self.first + self.second * ndtri(probability))
         return np.asarray(self.first + (self.second - self.first) * probability)

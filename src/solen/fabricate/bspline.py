@@ -93,7 +93,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
 
 
 def cubics(curve: Curve) -> tuple[Control, ...]:
-    """Return the curve of `primitives` as cubic Bézier segments; raise the same errors."""
+    """Return the curves that `primitives` returns, as cubic Bézier segments; raise the errors of `primitives`."""
     if isinstance(curve, CubicChain):
         return curve.controls
     spline = _interpolated(curve)
@@ -117,7 +117,7 @@ def _points(rows: FloatArray) -> tuple[Point, ...]:
 
 
 def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
-    """Replace the first and last rows by the exact ends of the curve."""
+    """Return the rows with the first and the last replaced with the exact ends of the curve."""
     return np.vstack([[curve.start], rows[1:-1], [curve.end]])
 
 

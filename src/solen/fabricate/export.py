@@ -209,7 +209,7 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     if export.body.separate:
         names = ", ".join(face.name for face in export.body.separate)
         warnings.append(
-            note(f"{names}: separate objects in air, which the DXF and SVG drawings contain, but the solid does not")
+            note(f"{names}: separate objects in air are contained in the DXF and SVG drawings, but not in the solid")
         )
     if export.part.cuts:
         warnings.append(warning("the ray trace ignores pockets and slots"))

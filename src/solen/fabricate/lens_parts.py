@@ -146,7 +146,7 @@ class Hollow:
         raise DesignError("lens", limit=limit, remedy="export a mesh")
 
     def _control_points(self, control: FloatArray, x_knots: FloatArray, y_knots: FloatArray) -> FloatArray:
-        """Return control points in X, Y and Z of the part, at the means of the knots, so that X and Z are linear."""
+        """Return control points in X, Y and Z of the part; X and Z are means of knots, so that both are linear."""
         x, y = (np.array([knots[i + 1 : i + 4].mean() for i in range(len(knots) - 4)]) for knots in (x_knots, y_knots))
         across, up = np.meshgrid(x, y, indexing="ij")
         return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
@@ -157,7 +157,7 @@ class Hollow:
         return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
 
     def _continued(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return z of the face, continued beyond its edges by its formula."""
+        """Return z of the face from its formula, also for points beyond its edges."""
         z = self.lens.z_at(x, y)
         if np.isnan(z).any():
             limit = (

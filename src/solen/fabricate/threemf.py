@@ -116,7 +116,7 @@ def _damaged(path: Path) -> DataError:
 
 
 def _model(path: Path) -> Model:
-    """Parse the model."""
+    """Return the parsed model of a 3MF file; raise `DataError` if it cannot be read or is damaged."""
     model = Model()
     try:
         with zipfile.ZipFile(path) as archive:

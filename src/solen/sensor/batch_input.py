@@ -126,7 +126,7 @@ def _body(sensor: Sensor, first_piece: int, piece_count: int) -> tuple[float, ..
 
 
 def _lens_pieces(sensor: Sensor) -> tuple[FloatArray, IntArray]:
-    """Return the rows of the lens's cubics in its own frame, and for each the index of the row that it continues."""
+    """Return the table rows of the cubics of a lens, and for each row the index of the row whose curve it continues."""
     if isinstance(sensor.lens, (FlatFace, OvalLens)):
         return np.zeros((0, 12)), np.zeros(0, np.int64)
     lens = Interface("lens", sensor.lens.front, "body", "air")

@@ -201,7 +201,7 @@ class _Batch:
         return positions
 
     def _all_angles(self, power: FloatArray) -> FloatArray:
-        """Return powers (A, B, 2) at all angles from those at the traced angles."""
+        """Return powers (A, B, 2) of B emitter positions at all angles, from those at the traced angles by symmetry."""
         if not self.mirrors:
             return power
         row = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}

@@ -21,7 +21,7 @@ from solen.spec.strict import Finite, Options
 
 @dataclass(frozen=True)
 class Focus:
-    """Foci of a lens in a material of a given index, in mm behind the vertex; None if rays do not converge there.
+    """Foci of a lens in a material of a given index, in mm behind the vertex; None for a focus that does not exist.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
         return sensor.set({"network.lit": emitter}).derivative(key, angle_deg, mode, emitter=emitter)
     if emitter is None and len(network.emitters) > 1:
         names = ", ".join(emitter.name for emitter in network.emitters)
-        raise SpecError("emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
+        raise SpecError("emitter", limit=f"is missing: the emitters are {names}", remedy="name one of them")
     value = number(sensor, key)
     loss = {"material.absorption_per_mm": sensor.material.absorption_per_mm}
     kept = loss if key == "material.index" else {}  # an index in the design replaces the resin and its loss

@@ -197,7 +197,10 @@ def _number_effect(sensor: Sensor, key: str, base: Response, null: tuple[float, 
 
 
 def _with_symmetric_rest(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Return the response of a symmetric sensor, whose contrast at rest is 0 without a trace; None otherwise."""
+    """Return the response of ``other`` at the angles of ``base``, with the reading at rest copied from ``base``.
+
+    Both have a contrast of 0 at rest if both sensors are symmetric; None if one is not, or rest is not in ``base``.
+    """
     at_rest = base.angle_deg == 0.0
     if not (at_rest.any() and sensor.is_symmetric and other.is_symmetric):
         return None
@@ -224,7 +227,7 @@ def _effect_at_ends(key: str, value: str, base: Response, other: Sensor) -> Effe
 
 
 def on_soft_body(sensor: Sensor, face: str) -> Sensor:
-    """Return the sensor on a soft body with some faces held; as an angle is prescribed, any modulus will do."""
+    """Return the sensor on a soft body with some faces held; its modulus has no effect, as the angle is prescribed."""
     design = sensor.design
     motion = Motion(
         kind="loaded",

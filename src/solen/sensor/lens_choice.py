@@ -155,12 +155,12 @@ def lens_choice(sensor: Sensor, response: Response, null_deg: float | None) -> L
         If no comparison is possible, with the reason.
     """
     if why := _why_not(sensor, null_deg):
-        raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
+        raise DesignError("lens comparison", value=sensor.design.name, limit=f"is not possible: {why}")
     mirrored = _is_mirrored(sensor, response)
     centre_deg = 0.0 if null_deg is None or mirrored else null_deg
     ends = _ends_deg(response, centre_deg, mirrored=mirrored)
     if why := _why_not_about(ends, mirrored=mirrored):
-        raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
+        raise DesignError("lens comparison", value=sensor.design.name, limit=f"is not possible: {why}")
     figures: list[LensFigures] = []
     skipped: dict[str, str] = {}
     for shape in SHAPES:
@@ -229,7 +229,7 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], respons
     inner = [np.flatnonzero(angle < 0.0)[-1], np.flatnonzero(angle > 0.0)[0]]
     span, half_range = float(np.ptp(angle[inner])), 0.5 * float(np.ptp(contrast))
     if not half_range > 0.0:
-        raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion for a comparison")
+        raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion")
     nonlinearity = deviation_from_line(angle, contrast) / half_range
     return LensFigures(
         shape=sensor.design.lens.shape,

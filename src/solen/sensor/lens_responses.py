@@ -43,7 +43,7 @@ class LensResponse:
 
     @classmethod
     def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
-        """Return the response of a sensor, with the sign of the angles such that positive ones brighten the right."""
+        """Return the response of a sensor; the sign of the angles is such that positive ones brighten the right."""
         response = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
         u_light = 2.0 * float(response.u_power.max())
         return cls(name, response.angle_deg, response.contrast, response.u_contrast, response.received_share, u_light)

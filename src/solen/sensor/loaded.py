@@ -129,7 +129,7 @@ class LoadedStudy(Result):
     strain_largest, off_mm
         Largest principal strain, and largest distance between an optical wall and the finite elements.
     planes
-        Contrast in both plane models at some values; None if one of them has no solution.
+        Contrast in both plane models at a few of the values; None if one of the models has no solution.
     reactions
         For every value, the force and moment of each hold and load on the body.
     warnings
@@ -284,7 +284,7 @@ def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | Non
 
 
 def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
-    """Return the contrast in both plane models at a few values; in the other model, the body is incompressible."""
+    """Return the contrast at a few values in the design's plane model and, for an incompressible body, the other."""
     design = sensor.design
     other = "stress" if design.mechanics.plane == "strain" else "strain"
     indices = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, COMPARED_VALUES)})

@@ -134,7 +134,7 @@ def _why_inert_in_network(design: Design, key: str) -> str:
 
 
 def _is_matched(sensor: "Sensor") -> bool:
-    """Return whether a medium with the body's index touches a wall without a film, behind which there is no jump."""
+    """Return whether a medium with the body's index touches a wall with no film in between: the index does not jump."""
     bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
     return any(wall.index == sensor.material.index for wall in bare)
 

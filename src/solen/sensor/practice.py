@@ -30,7 +30,7 @@ CHIP_MM = 0.2
 MAX_ANGLES = 13
 """Maximum number of angles at which a sensor that differs from the design is traced."""
 PAPER_TOLERANCE = 1e-5
-"""Tolerance of the integrated response as in the paper."""
+"""Integration tolerance of the response with the emitter of the paper."""
 MIN_CONTRAST_CHANGE = 0.05
 """Smallest change of the contrast that causes a warning: a fortieth of the contrast range."""
 REMOVED_KEYS = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
@@ -42,9 +42,9 @@ PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in REMOVED_KEYS) 
     "emitter.height_mm": 0.0,
     "trace.dimension": "2d",
 }
-"""Values that replace any emitter by the paper's."""
+"""Design values that replace any emitter with that of the paper."""
 DARK: dict[str, Any] = {"ambient.power": 0.0, "ambient.irradiance_per_mm": 0.0}
-"""Values that remove ambient light, which is modelled in the plane only and subtracted in a measurement."""
+"""Design values that remove ambient light, which is modelled in the plane only and subtracted in a measurement."""
 
 T = TypeVar("T")
 

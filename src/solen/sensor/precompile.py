@@ -16,7 +16,7 @@ PARTS: dict[str, tuple[str, dict[str, str]]] = {
     "adapt.integrate_cone": ("paper-860", {}),
     "extruded.trace_in_space": ("solen-860", {"lens.shape": "layered"}),
 }
-"""Template and values of a design that is traced with each part, keyed by a function of the part."""
+"""Template, and values to set in it, of a design whose trace uses a part, keyed by a function in that part."""
 PROGRAM = """
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values

@@ -118,7 +118,7 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
 def _loss(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
     if not isinstance(sensor.cut, DesignedLens):
         limit = "cannot be replaced by a printed profile: only a designed lens of a Y can"
-        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy="omit the response")
+        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy="use --no-response")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
     angles = subsample(sensor.design.motion.angles_deg(), MAX_ANGLES)
     before, after = (lens_sensor.power_of_rays(angles, DEFAULT_RAYS) for lens_sensor in (sensor, printed))

@@ -194,7 +194,7 @@ class DesignStudy(Result):
 
     @reported
     def material(self) -> Optical:
-        """Index and absorption at that wavelength."""
+        """Index and absorption of the material at the wavelength of the emitter."""
         return self.sensor.material
 
     @reported

@@ -166,7 +166,7 @@ def with_lit_emitter(design: Design, emitter: str | None) -> Design:
         return with_values(design, {"network.lit": emitter})
     if design.body.kind == "network" and network.lit is None and len(network.emitters) > 1:
         names = ", ".join(emitter.name for emitter in network.emitters)
-        raise SpecError("--emitter", limit=f"missing: the emitters are {names}", remedy="specify one of them")
+        raise SpecError("--emitter", limit=f"is missing: the emitters are {names}", remedy="specify one of them")
     return design
 
 

@@ -191,11 +191,13 @@ class Lens(Strict):
     def _check_shape_keys(self) -> Self:
         if self.shape == "measured" and self.profile is None:
             raise refused(
-                "profile", 'missing: required with shape = "measured"', remedy='add, for example, profile = "lens.json"'
+                "profile",
+                'is missing: required with shape = "measured"',
+                remedy='add, for example, profile = "lens.json"',
             )
         if self.shape == "spline" and self.knots_um is None:
             remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
-            raise refused("knots_um", 'missing: required with shape = "spline"', remedy=remedy)
+            raise refused("knots_um", 'is missing: required with shape = "spline"', remedy=remedy)
         if self.min_feature_um is not None and self.knots_um is None:
             limit = "does not apply without knots_um"
             raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="omit min_feature_um")
@@ -288,7 +290,7 @@ class Receivers(Strict):
     def _check_gap(self) -> Self:
         if self.coupling == "air-gap" and self.gap_mm is None:
             raise refused(
-                "gap_mm", 'missing: required with coupling = "air-gap"', remedy="add, for example, gap_mm = 0.5"
+                "gap_mm", 'is missing: required with coupling = "air-gap"', remedy="add, for example, gap_mm = 0.5"
             )
         if self.coupling != "air-gap" and self.gap_mm is not None:
             remedy = 'omit gap_mm, or set coupling = "air-gap"'

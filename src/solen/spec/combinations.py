@@ -30,7 +30,7 @@ def check_combinations(design: "Design") -> None:
     _check_network(design)
     if outline and design.body.file is None:
         raise refused(
-            "body.file", 'missing: required with kind = "outline"', remedy='add, for example, file = "sensor.dxf"'
+            "body.file", 'is missing: required with kind = "outline"', remedy='add, for example, file = "sensor.dxf"'
         )
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
         limit = 'does not apply with receivers.coupling = "air-gap": a pocket holds the receiver against the body'
@@ -72,7 +72,7 @@ def _check_network(design: "Design") -> None:
         return
     for key in ("emitters", "receivers") if drawn else ("guides", "emitters", "receivers"):
         if not getattr(network, key):
-            limit = 'missing: required with body.kind = "network"'
+            limit = 'is missing: required with body.kind = "network"'
             raise refused(f"network.{key}", limit, remedy=f"add [[network.{key}]]")
     if design.lens.shape not in SHAPES:
         limit = f"must be {', '.join(SHAPES[:-1])} or {SHAPES[-1]} in a network"
@@ -94,7 +94,7 @@ def _check_positions(design: "Design") -> None:
     for key in ("lenses", "emitters", "receivers"):
         for number, part in enumerate(getattr(design.network, key)):
             if part.node is None and part.guide is None and getattr(part, "lens", None) is None:
-                limit = "missing: a part is placed at a node or on a side of a guide"
+                limit = "is missing: a part is placed at a node or on a side of a guide"
                 raise refused(f"network.{key}[{number}].node", limit, remedy=REMEDY_OF_POSITION)
 
 
@@ -141,7 +141,7 @@ def _check_bend(design: "Design") -> None:
         return
     if motion.bend_mm is None:
         remedy = "add bend_mm = [z_from_mm, z_to_mm], the values of z between which the outline bends"
-        raise refused("motion.bend_mm", "missing: required for the bend of an outline", remedy=remedy)
+        raise refused("motion.bend_mm", "is missing: required for the bend of an outline", remedy=remedy)
     if not motion.bend_mm[0] < motion.bend_mm[1]:
         raise refused("motion.bend_mm", "must be in ascending order", value=list(motion.bend_mm))
 

@@ -92,7 +92,7 @@ class Emitter(Strict):
             raise refused(tables[0], f'does not apply with pattern = "{self.pattern}"', remedy='set pattern = "table"')
         if self.pattern == "table" and not tables:
             remedy = "add pattern_table = [[0, 1], [90, 0]], or pattern_file"
-            raise refused("pattern_table", 'missing: required with pattern = "table"', remedy=remedy)
+            raise refused("pattern_table", 'is missing: required with pattern = "table"', remedy=remedy)
         if self.pattern_table is not None and (problem := pattern_problem(self.pattern_table)):
             raise refused("pattern_table", problem)
         if self.exponent != 1.0 and self.pattern != "lambertian":

@@ -121,14 +121,14 @@ class Guide(Strict):
                 raise refused(key, "does not apply with through_mm", value=value, remedy="omit one of them")
         if self.direction_deg is not None and self.length_mm is None:
             raise refused(
-                "length_mm", "missing: required with direction_deg", remedy="add, for example, length_mm = 10.0"
+                "length_mm", "is missing: required with direction_deg", remedy="add, for example, length_mm = 10.0"
             )
         if self.length_mm is not None and self.direction_deg is None and self.flush is None:
             raise refused(
-                "direction_deg", "missing: required with length_mm", remedy="add, for example, direction_deg = 0.0"
+                "direction_deg", "is missing: required with length_mm", remedy="add, for example, direction_deg = 0.0"
             )
         if self.flush is not None and self.length_mm is None:
-            raise refused("length_mm", "missing: required with flush", remedy="add, for example, length_mm = 10.0")
+            raise refused("length_mm", "is missing: required with flush", remedy="add, for example, length_mm = 10.0")
         return self
 
 
@@ -150,7 +150,7 @@ class Placed(Strict):
         for key in ("side", *side_keys):
             value = getattr(self, key)
             if (value is None) == (self.guide is not None):
-                limit = "missing: required with guide" if value is None else "does not apply without guide"
+                limit = "is missing: required with guide" if value is None else "does not apply without guide"
                 raise refused(key, limit, value=value, remedy=f"add {key}" if value is None else f"omit {key}")
 
 

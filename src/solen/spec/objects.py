@@ -36,7 +36,7 @@ def parse_json(text: str, where: str, remedy: str = "") -> Any:
     try:
         return json.loads(text, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
-        raise DataError(where, limit=f"not valid JSON: {str(error)[:100]}", remedy=remedy) from None
+        raise DataError(where, limit=f"is not valid JSON: {str(error)[:100]}", remedy=remedy) from None
 
 
 def build_kind(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
@@ -84,4 +84,4 @@ def check_keys(data: dict[str, Any], known: set[str], required: set[str], where:
             raise DataError(f"{where}: {key}", limit=f"unknown key; the known keys are {', '.join(sorted(known))}")
     for key in sorted(required):
         if key not in data:
-            raise DataError(f"{where}: {key}", limit="missing")
+            raise DataError(f"{where}: {key}", limit="is missing")

@@ -54,7 +54,7 @@ class Library(Generic[T]):
             raise DataError(
                 self.what,
                 value=name,
-                limit=f"not in the library ({known})",
+                limit=f"is not in the library ({known})",
                 remedy=f"did you mean {near}?" if near else "use a name from the library, or the path of a .toml file",
             )
         file = self.folder / f"{name}.toml"

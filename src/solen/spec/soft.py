@@ -72,7 +72,7 @@ class Hold(Stretch):
     def _check_pivot(self) -> Self:
         if self.kind == "turning" and self.about is None:
             raise refused(
-                "about", 'missing: required with kind = "turning"', remedy='add, for example, about = "stem-base"'
+                "about", 'is missing: required with kind = "turning"', remedy='add, for example, about = "stem-base"'
             )
         for key in ("about", "angle_deg"):
             if self.kind != "turning" and getattr(self, key) is not None:
@@ -147,7 +147,7 @@ def check_loads(design: "Design") -> None:
             raise refused(given[0], limit, remedy=f'omit {given[0]}, or set motion.kind = "loaded"')
         return
     if not design.hold:
-        limit = "missing: there is no default, because the supports of the body determine its response"
+        limit = "is missing: there is no default, because the supports of the body determine its response"
         raise refused("hold", limit, remedy=HOLD_CHOICES)
     _check_names(design)
     _check_driven(design)
@@ -194,7 +194,7 @@ def _check_driven(design: "Design") -> None:
         if table != "hold" or row.kind == "turning"
     ]
     if drives not in choices:
-        limit = "missing" if drives is None else "is not a quantity of this design that can be driven"
+        limit = "is missing" if drives is None else "is not a quantity of this design that can be driven"
         remedy = 'add a [[press]], a [[pull]] or a [[hold]] with kind = "turning"'
         if choices:
             remedy = f"set one of {', '.join(dict.fromkeys(choices))}"
@@ -215,7 +215,7 @@ def _check_quantities(design: "Design") -> None:
                 raise refused(f"{table}[{number}].{given}", limit, value=getattr(row, given), remedy=f"omit {given}")
             if not (is_driven or given or table == "hold"):
                 key = DRIVEN[table][0]
-                limit = "missing: required unless motion.drives drives it"
+                limit = "is missing: required unless motion.drives drives it"
                 raise refused(f"{table}[{number}].{key}", limit, remedy=f"add {key} = 0.1")
 
 
@@ -231,7 +231,7 @@ def _check_values(design: "Design") -> None:
             limit = f"does not apply with {condition}"
             raise refused(f"motion.{name}", limit, value=getattr(motion, name), remedy=f"omit motion.{name}")
     if required and not lists[required]:
-        limit = f"missing: required with {condition}"
+        limit = f"is missing: required with {condition}"
         raise refused(f"motion.{required}", limit, remedy=f"add {required} = [0, 0.1, 0.2]")
     if key == "depth_mm" and motion.depths_mm and motion.depths_mm[0] < 0.0:
         raise refused("motion.depths_mm", "must be at least 0", value=list(motion.depths_mm))

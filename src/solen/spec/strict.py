@@ -1,7 +1,7 @@
 """Strict tables: pydantic models of TOML files that report each error in one line, with a remedy.
 
 A file is a tree of tables, and each table is one frozen model. An unknown key is rejected with the nearest known name,
-a reserved key with "not yet supported"; numbers must be finite and are never converted from strings or booleans.
+a reserved key with "is not yet supported"; numbers must be finite and are never converted from strings or booleans.
 pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
 Public names: `Strict`, `Number`, `Positive`, `NotNegative` and `Text`. A validator of several keys raises `refused`;
@@ -277,7 +277,7 @@ def _shown(value: object) -> object:
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
     """Return the limit and the remedy for an unknown key."""
     if key in owner.reserved:
-        return "not yet supported", f"omit {key}"
+        return "is not yet supported", f"omit {key}"
     stem = what.removesuffix(key)
     elsewhere = [_dotted(root.table, (t, key)) for t, inner in _tables(root).items() if key in inner.model_fields]
     near = nearest(key, owner.model_fields)
@@ -298,7 +298,7 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
     if kind == "extra_forbidden":
         return what, None, *_unknown(what, str(rest[-1]), owner, root)
     if kind == "missing":
-        return what, None, "missing", f"add it: {field.description if field else ''}"
+        return what, None, "is missing", f"add it: {field.description if field else ''}"
     if kind == "model_type":
         if isinstance(problem["input"], list):
             lists = [
@@ -355,7 +355,7 @@ def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
     try:
         return tomllib.loads(f"{text}\n")  # without the newline, an error in the last line has no line number
     except (ValueError, RecursionError) as bad:  # a ValueError may also be an integer with too many digits
-        raise error(what, limit=f"not valid TOML: {bad}", remedy="correct that line") from None
+        raise error(what, limit=f"is not valid TOML: {bad}", remedy="correct that line") from None
 
 
 def migrated(data: Document, what: str, *, current: int, migrations: Migrations, error: type[SolenError]) -> Document:

@@ -94,7 +94,7 @@ class Wall(Stretch):
         self._check_built_in_finish()
         if (self.texture_pitch_um is None) != (self.texture_amplitude_um is None):
             missing = "texture_pitch_um" if self.texture_pitch_um is None else "texture_amplitude_um"
-            raise refused(missing, "missing: a texture has a pitch and an amplitude", remedy=f"add {missing} = 5.0")
+            raise refused(missing, "is missing: a texture has a pitch and an amplitude", remedy=f"add {missing} = 5.0")
         return self
 
     def _check_outside(self) -> None:
@@ -102,7 +102,7 @@ class Wall(Stretch):
             raise refused("outside", "is reserved for the printed part itself", value="body", remedy="use another name")
         if self.outside != "air":
             if self.index is None:
-                limit = f'missing: required with outside = "{self.outside}"'
+                limit = f'is missing: required with outside = "{self.outside}"'
                 raise refused("index", limit, remedy="add index = 1.5")
             return
         for key in ("index", "absorption_per_mm", "gap_um"):
@@ -134,7 +134,7 @@ class Wall(Stretch):
         for key in ("sigma", "shoulder", "slope"):
             value = getattr(self, key)
             if value is None and key in required:
-                raise refused(key, f'missing: required with scatter = "{self.scatter}"', remedy="add it")
+                raise refused(key, f'is missing: required with scatter = "{self.scatter}"', remedy="add it")
             if value is not None and key not in required:
                 limit = f'does not apply with scatter = "{self.scatter}"'
                 raise refused(key, limit, value=value, remedy=f"omit {key}")

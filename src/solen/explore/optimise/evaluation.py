@@ -139,7 +139,7 @@ class Evaluator:
         return Evaluation(by_goal, sum(violations.values()) + undefined, points)
 
     def _feature_violations(self, design: Design) -> dict[str, float]:
-        """Return the violation of the smallest printable feature by free-form lenses, keyed by condition."""
+        """Return by how much free-form lenses violate the minimum size of printable features, keyed by condition."""
         violations: dict[str, float] = {}
         for lens in Sensor.of(design).all_lenses:
             if isinstance(lens, SplineLens):

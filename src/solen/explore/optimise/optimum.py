@@ -62,7 +62,7 @@ class Optimum(Result):
     claimed
         Goal of the result during the search.
     sampled_difference, u_sampled_difference
-        Largest difference between the integrated and the sampled contrast of the result over some angles, and its
+        Largest difference between the integrated and the sampled contrast of the result at a few angles, and its
         uncertainty; None for a network, which is traced again with other samples instead.
     robust
         Whether deviations were specified, in which case the goal is its worst value over them.

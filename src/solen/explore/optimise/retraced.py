@@ -15,7 +15,10 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 TOLERANCE_FACTOR, NETWORK_TOLERANCE_FACTOR = 10.0, 2.5
-"""Factor by which the tolerance is reduced, with half the step between angles; networks use another lattice."""
+"""Factors by which the tolerance is reduced when a result is traced again: for a sensor, and for a network.
+
+The step between angles or states is also halved; a network is traced with another lattice.
+"""
 SIGNIFICANCE, SAMPLED_SIGNIFICANCE = 2.0, 3.0
 """Significant difference, in units of its uncertainty: for one value, and for the largest of `SAMPLED_ANGLES`."""
 SAMPLED_ANGLES = 5
@@ -65,7 +68,7 @@ class Retraced(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """Largest difference in contrast between integration and sampling over some angles, and its uncertainty there."""
+    """Largest difference in contrast between integration and sampling at a few angles, and its uncertainty."""
 
     difference: float
     u_difference: float

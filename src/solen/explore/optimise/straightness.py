@@ -40,5 +40,5 @@ def _around(key: str, value: float) -> str:
 
 
 def _length_text(value: float) -> str:
-    """Format a length with its significant digits."""
+    """Format a length with three significant digits, without an exponent."""
     return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}" if value else "0"

@@ -156,7 +156,7 @@ def coupon_options(job: dict[str, Any], path: Path) -> CouponOptions:
     """Return the layout options of a job; raise `DataError` if they are damaged."""
     choices, remedy = job.get("choices"), "write the job again with solen print coupons"
     if not isinstance(choices, dict):
-        raise DataError(f"{path}: choices", limit="missing", remedy=remedy)
+        raise DataError(f"{path}: choices", limit="is missing", remedy=remedy)
     try:
         return CouponOptions(**choices)
     except SpecError as error:

@@ -66,7 +66,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
 
 
 def _run(coupon: Coupon, name: str | None) -> Stage:
-    """Return the run with a given name, or the only run."""
+    """Return the run with a given name or, without a name, the only run."""
     names = [stage.name for stage in coupon.stages]
     if name is None and len(names) == 1:
         return coupon.stages[0]

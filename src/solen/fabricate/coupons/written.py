@@ -52,7 +52,7 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """Summary of a coupon: size, numbers of features, gaps and steps, and readings of the source.
+    """Summary of a coupon: size, numbers of features, gaps and steps, and interpretations of its published source.
 
     ``parts`` are the parts with files; ``warnings`` list what the printer cannot resolve.
     """
@@ -146,5 +146,5 @@ def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
     width, depth, _ = coupon.size_mm
     if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
         size, plate = f"{width:g} x {depth:g} mm", f"{plate_mm[0]:g} x {plate_mm[1]:g} mm"
-        limit = f"of {size} does not fit on a plate of {plate}"
+        limit = f"is {size} and does not fit on a plate of {plate}"
         raise SpecError(f"coupon {coupon.name}", limit=limit, remedy="omit this coupon with --only")

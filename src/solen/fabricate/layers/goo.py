@@ -61,9 +61,7 @@ def lift_of(job: Job) -> Lift:
         remedy = "use --format zip, or add a [lift] table to the printer file"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if len(job.solid.exposures_s) > 1 and printer.layer_exposures is None:
-        limit = (
-            f"requires evidence that {printer.name} uses the exposure of each image, which its file does not contain"
-        )
+        limit = f"requires evidence in the file of {printer.name} that the printer uses the exposure of each image"
         remedy = "use --format zip, or print each exposure separately"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if max(printer.shape) > MAX_PIXELS:

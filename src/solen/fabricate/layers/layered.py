@@ -49,7 +49,7 @@ class LayeredPrint(Result):
     settings
         Settings to enter in a slicer.
     sources, warnings
-        The sliced file, and warnings before printing.
+        The sliced file, and warnings to consider before printing.
     """
 
     job: Job = field(metadata=HIDDEN)
@@ -144,7 +144,7 @@ def _process_warnings(job: Job) -> list[Caution]:
     if job.slicing.process is None or job.process is None or job.solid.exposures_s:
         return []
     differences = job.slicing.described_differences(job.process.process)
-    return [warning(f"not printed as in the process: {text}") for text in differences]
+    return [warning(f"the print differs from the process: {text}") for text in differences]
 
 
 def _size_warnings(job: Job) -> list[Caution]:
@@ -204,7 +204,7 @@ def _stack_warnings(job: Job, stack: Stack) -> list[Caution]:
         index, count = stack.islands[0]
         first = f"the first {count} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
         total = sum(count for _, count in stack.islands)
-        text = f"{total} regions have nothing below them ({first}): add supports, which solen does not make"
+        text = f"{total} regions have nothing below them ({first}): add supports with another program; solen makes none"
         warnings.append(warning(text))
     if stack.first_mm2 < MIN_FIRST_AREA * stack.largest_mm2:
         first_mm2, largest_mm2 = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))

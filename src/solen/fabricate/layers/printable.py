@@ -137,7 +137,7 @@ def rotated_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
 
 
 def described_resin(name: str | None, known: str = "") -> tuple[str, Resin | None]:
-    """Return the description and data of a resin; for no name, ``known`` is part of the description."""
+    """Return the description and data of a resin; without a name, the description contains ``known``."""
     if name is None:
         return f"{UNKNOWN_RESIN}{known}: specify --resin", None
     resin = resin_of(name, Path(name) if is_file_path(name) else None)

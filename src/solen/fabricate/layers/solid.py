@@ -151,7 +151,7 @@ class Slices(Solid):
 
 
 def fine_mesh(part: Part) -> Mesh:
-    """Return the mesh of a part within `MESH_MM`; raise `DesignError` if there is none, without naming an option."""
+    """Return the mesh of a part within `MESH_MM`; raise `DesignError`, which names no option, if it is not closed."""
     try:
         return mesh_of(part, MESH_MM)
     except (DesignError, SpecError) as error:
@@ -277,7 +277,7 @@ def _plan(part: Part, rotation: FloatArray) -> Plan:
 
 
 def _indices_between(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
-    """Return the indices of the prisms that extend from one height to the next."""
+    """Return the indices of the prisms that contain the height range from ``low`` to ``high``."""
     middle = 0.5 * (low + high)
     return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
 

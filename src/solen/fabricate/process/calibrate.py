@@ -160,7 +160,7 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
 
 
 def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCoupon], name: str) -> PrinterCalibration:
-    """Return the result with its warnings."""
+    """Return the result of a calibration, with its warnings."""
     count = len(problem.parameters)
     values, covariance = fit.values[:count], fit.covariance[:count, :count]
     settings, u = problem.settings(values), np.sqrt(np.diag(fit.covariance))

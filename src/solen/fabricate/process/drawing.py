@@ -37,7 +37,7 @@ def lens_face(body: Body) -> Face:
     """Return the lens face of a body; raise `DesignError` if there is not exactly one."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
-        limit = f"must be one face, whose name begins with lens, but the body has {len(faces)}"
+        limit = f"must be exactly one face whose name begins with lens, but the body has {len(faces)}"
         raise DesignError("lens", limit=limit, remedy="rename or join the faces")
     return faces[0]
 

@@ -62,7 +62,7 @@ class PrintedFace:
         Deviation (L, N) along the normals of the intended walls, at N points from the axis to the edge; positive for
         excess material.
     drawn, printed
-        LayerProfiles as drawn and as printed.
+        Profiles (L, M) of the layers as drawn and as printed.
     rounds_um
         For a compensation, RMS deviation after each round, without the edge of the aperture.
     """
@@ -114,7 +114,7 @@ class FacePrint:
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights (L + 1,) of the boundaries of the layers, in ascending order, as for a layered lens."""
+        """Heights (L + 1,) of the boundaries of the layers, in ascending order, from mid-height of the body."""
         return layer_edges_mm(self.lens.thickness_mm, 1e-3 * self.settings.layer_um)
 
     @cached_property
@@ -143,7 +143,7 @@ class FacePrint:
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def changes_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Return the changes (N,) of the deviation of uncompensated layers due to another position in the pixel."""
+        """Return, for each of ``layers``, the change (N,) of its uncompensated deviation with another ``phase``."""
         stack, same = replace(self, phase=phase)._uncompensated, self._representative
         return [stack.offsets_um(same[layer], self._targets[same[layer]], VERTEX) - face.um[layer] for layer in layers]
 
@@ -166,7 +166,7 @@ class FacePrint:
         return replace(best, rounds_um=tuple(rounds))
 
     def profiles(self, z: FloatArray, name: str, warning: str) -> LayerProfiles:
-        """Return profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
+        """Return `LayerProfiles`, from which a lens can be made, of profiles (L, M) in order from the build plate."""
         return LayerProfiles(name, self.lens.half_width_mm, self.edges_mm, z[::-1], simulated=True, warnings=(warning,))
 
     def lens_of(self, given: LayerProfiles) -> LayeredLensFromFile:
@@ -250,7 +250,7 @@ class FacePrint:
 
     @cached_property
     def _representative(self) -> IntArray:
-        """Index (L,) of a layer that prints like each layer: the middle of its slab if all profiles are equal."""
+        """Index (L,) of the layer printed in place of each layer: the middle of its slab if all profiles are equal."""
         if np.ptp(self.intended, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)

@@ -170,7 +170,7 @@ def read_features(path: Path) -> MeasuredCoupon:
         file = _File(**data | {"features": [_without_unresolved(row) for row in data["features"]]})
     for number, feature in enumerate(file.features):
         if feature.measured_mm is not None and feature.u_measured_mm is None:
-            limit = "missing: required for the weight of a measured size"
+            limit = "is missing, but required to weight the measured size"
             raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="add it")
     scale, metadata = file.scale, {"coupon": file.coupon}
     return MeasuredCoupon(

@@ -65,7 +65,7 @@ class FlatImage:
     ) -> "FlatImage":
         """Return the image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
 
-        The origin of the drawing is at ``phase`` in its pixel, as in `solen.fabricate.layers`; (0, 0) is a corner.
+        ``phase`` is the position of the origin of the drawing in its pixel, 0 to 1 along x and z; (0, 0) is a corner.
 
         Raises
         ------

@@ -36,7 +36,7 @@ MIN_GREY_LEVELS = 4
 MAX_DARKEST = 0.5
 """Maximum lowest grey level without a warning."""
 MAX_FALL = 3.0
-"""Maximum difference between a thickness and its ascending value, in standard uncertainties."""
+"""Maximum difference between a measured thickness and the fitted ascending one, in standard uncertainties."""
 
 
 class GreyOptions(RowOptions):
@@ -190,7 +190,7 @@ def _u_um(depth: FloatArray, index: NDArray[np.intp], column: FloatArray | None,
     residuals = depth - (np.bincount(index, depth) / np.bincount(index))[index]
     df = len(depth) - len(np.unique(index))
     if df < 3:
-        limit = "missing: too few discs have the same grey level to determine it"
+        limit = "is missing, and too few discs have the same grey level to determine it"
         raise DataError("u_thickness_um", limit=limit, remedy="specify --u-thickness-um or add a column u_thickness_um")
     return np.full(len(depth), float(np.sqrt(np.sum(residuals**2) / df)))
 

@@ -33,7 +33,7 @@ def layers_inside(settings: Settings) -> int:
 
 
 def inside_light(settings: Settings) -> Light:
-    """Return the light on the window side of a layer deep inside the part, with scattered light in few groups."""
+    """Return the light on the window side of a layer deep inside the part, with scattered light in a few groups."""
     return _edge_light(*_terms(settings), settings)
 
 

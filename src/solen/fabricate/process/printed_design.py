@@ -104,7 +104,7 @@ class PrintedDesign(Result):
     deviation
         Deviation from the designed lens, along its normal; positive for additional material.
     u_rms_um, u_max_um
-        Standard uncertainty of the deviation along the lens.
+        RMS and maximum, along the lens, of the standard uncertainty of the deviation.
     shape
         Deviation after the best translation along z.
     ripple, walls
@@ -112,9 +112,9 @@ class PrintedDesign(Result):
     contributions_um
         Contribution of each uncertain parameter to the uncertainty, RMS along the lens, in descending order.
     response
-        Loss of response; None if it was not traced.
+        Responses with the designed and the printed lens, and the loss; None if they were not traced.
     compensation, compensated_response
-        Drawing that prints as designed, and loss of response with the lens printed from it; None without compensation.
+        Drawing that prints as designed, and responses with the lens printed from it; None without compensation.
     part
         The entire printed part; None if it was not computed.
     sources, warnings

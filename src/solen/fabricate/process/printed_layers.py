@@ -1,4 +1,4 @@
-"""Print of a lens that varies with height: its face layer by layer, and what printing leaves of its benefit.
+"""Print of a lens that varies with height: its face layer by layer, and its contrast before and after printing.
 
 A cylindrical lens with the same middle section is printed by the same model, so that both are compared as designed and
 as printed. Compensation changes the drawing of each layer; the walls next to the lens remain as designed.
@@ -275,7 +275,10 @@ def _reported_layers(layers: int) -> list[int]:
 
 
 def _u_process_um(model: FacePrint, process: Process) -> dict[int, float]:
-    """Return the standard uncertainties of the reported layers due to the process, RMS along the wall."""
+    """Return the standard uncertainty of the wall of each reported layer due to the process, RMS along the wall.
+
+    The uncertainties are in µm, keyed by layer index.
+    """
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     layers = _reported_layers(model.layers)
@@ -296,7 +299,10 @@ def _u_layer_um(
 
 
 def _u_phase_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
-    """Return the standard uncertainties of the reported layers due to the position in the pixel, as in `predicted`."""
+    """Return the standard uncertainty of the wall of each reported layer due to the unknown position in the pixel.
+
+    The uncertainties, RMS along the wall in µm, are keyed by layer index.
+    """
     layers = _reported_layers(model.layers)
     changes = zip(layers, model.changes_um(face, layers, FARTHEST_PHASE), strict=True)
     return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in changes}

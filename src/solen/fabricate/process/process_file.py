@@ -44,7 +44,7 @@ from solen.spec.strict import (
 SCHEMA = 1
 MIGRATIONS: Migrations = {}
 GROWTH = "growth_um"
-"""Growth of a straight wall, which a calibration determines instead of the critical dose."""
+"""Key of the growth of a straight wall, which a calibration determines instead of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 U_RESPONSE = 0.05
 """Default standard uncertainty of the scale of a response."""
@@ -162,7 +162,7 @@ class Process(Strict):
         if hot_pixel is not None:
             row, column, ratio = hot_pixel
             sample = f"sample {column} of row {row} is {ratio:.3g} times as bright as its brightest neighbour"
-            cause = "probably a hot pixel of the camera; replace it by the mean of its neighbours"
+            cause = "probably a hot pixel of the camera; replace the sample with the mean of its neighbours"
             messages.append(do_not_use(f"process.response: {sample}: {cause}"))
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:

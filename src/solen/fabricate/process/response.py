@@ -242,7 +242,7 @@ class MeasuredPixel:
         return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
 
     def _basis(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Return splines (M, N) at points of a periodic grid, times its step, and the indices (M,) of the points."""
+        """Return N splines (M, N) at points of a grid, times its step, and the periodic indices (M,) of the points."""
         positions = self._positions(axis)
         low, high = positions[0] - 2.0 * self.pitch_um, positions[-1] + 2.0 * self.pitch_um
         points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)
@@ -350,7 +350,9 @@ def _image_light(path: Path) -> list[list[float]]:
         with Image.open(path) as image:
             mode, pages, light = image.mode, getattr(image, "n_frames", 1), np.array(image)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise DataError(str(path), limit=f"cannot be read as an image: {error}", remedy="check the file") from None
+        raise DataError(
+            str(path), limit=f"cannot be read as an image: {error}", remedy="save it again as PNG or TIFF"
+        ) from None
     if mode not in _GREY_MODES:  # the values of a palette are not light
         limit = f"must be a single-channel grey image, without colours or a palette, but has the mode {mode}"
         raise DataError(str(path), limit=limit, remedy="save it as grey levels with 8, 16 or 32 bits")
@@ -358,10 +360,8 @@ def _image_light(path: Path) -> list[list[float]]:
         limit = f"must contain a single image, but has {pages} pages"
         raise DataError(str(path), limit=limit, remedy="save only the page with the pixel")
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
-        limit = (
-            f"is overexposed: {np.count_nonzero(light == light.max()):,} samples have the full scale, {light.max():g}"
-        )
-        raise DataError(str(path), limit=limit, remedy="use a shorter exposure of the camera")
+        limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are at full scale, {light.max():g}"
+        raise DataError(str(path), limit=limit, remedy="use a shorter camera exposure time")
     rows: list[list[float]] = light[::-1].astype(float).tolist()
     return rows
 

@@ -48,9 +48,9 @@ class Scales:
     of
         Index of the coupon, and axis, of each unknown.
     rows
-        Index of the unknown of each feature in the fit, (n,).
+        For each feature in the fit, the index (n,) of its unknown scale error.
     pitches
-        Index of the unknown of each coupon with measured distances, (m,).
+        For each coupon with measured distances, the index (m,) of its unknown scale error.
     """
 
     coupons: tuple[MeasuredCoupon, ...]
@@ -60,7 +60,7 @@ class Scales:
 
     @classmethod
     def among(cls, coupons: Sequence[MeasuredCoupon], used: Sequence[tuple[int, MeasuredFeature]]) -> "Scales":
-        """Return the unknowns of features, each given with the index of its coupon."""
+        """Return the unknown scale errors of features; each feature is given with the index of its coupon."""
         keys = [(number, axis_of(feature)) for number, feature in used]
         pitches: list[tuple[int, Axis]] = [
             (number, "lateral") for number, coupon in enumerate(coupons) if coupon.pitch_ratio is not None

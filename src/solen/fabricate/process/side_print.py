@@ -187,7 +187,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
     later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MAX_WORK:
-        limit = f"takes minutes: {layers:,} layers near the lens are each exposed through {later:,.0f} others"
+        limit = f"would take minutes: {layers:,} layers near the lens are each exposed through {later:,.0f} others"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 
 

@@ -51,9 +51,10 @@ class Stack:
     def of(
         cls, layers: Sequence[Rings], extent: FloatArray, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)
     ) -> "Stack":
-        """Return a stack of layers, closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
+        """Return the stack of layers over the extent of points (M, 2) with a margin.
 
-        Layers with the same object of polylines share one image. The errors are those of `FlatImage.of`.
+        A layer is given as closed polylines (N, 2) in mm; layers given by the same object share one image.
+        The errors are those of `FlatImage.of`.
         """
         distinct = list({id(rings): rings for rings in layers}.values())
         index = {id(rings): i for i, rings in enumerate(distinct)}
@@ -89,14 +90,14 @@ class Stack:
         return exits_um(excess, target, STEP_UM) + float(displacement)
 
     def _summed(self, terms: Terms, chosen: IntArray) -> Spectrum:
-        """Return the spectrum of the sum of the images of some terms, weighted by their doses."""
+        """Return the spectrum of the sum of the images of the ``chosen`` terms, weighted by their doses."""
         weights = np.bincount(self.image[terms.layer[chosen]], terms.dose[chosen], len(self.spectra))
         used = np.flatnonzero(weights)
         return np.tensordot(weights[used], self.spectra[used], axes=1)
 
 
 def _groups(terms: Terms) -> list[tuple[IntArray, float]]:
-    """Return indices of terms with similar widths, and the width of each group: sharp light, then scattered light."""
+    """Return groups of terms with similar widths, sharp light first: the indices of the terms, and their RMS width."""
     half = len(terms.dose) // 2
     groups = [np.arange(half)]
     if terms.dose[half:].any():

@@ -1,4 +1,4 @@
-"""A target face with which a print is compared: equidistant points, their normals, and zeros of a field along these.
+"""A target face with which a print is compared: equidistant points, their normals, and zeros of a field along them.
 
 A deviation is measured along the normal of the designed face; it is positive for excess material and negative for
 missing material. A print model has a field that is positive in cured resin (the logarithm of dose over critical dose);

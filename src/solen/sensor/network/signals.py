@@ -21,7 +21,7 @@ from solen.sensor.readings import angle_rays
 from solen.spec import Design
 
 SHARED_OFF_COVARIANCE = 0.25
-"""Covariance of two emitters' readings that share an off reading, each with a weight of ½, over its variance."""
+"""Covariance of the readings of two emitters that share an off reading, over the variance of the latter: ½ · ½."""
 
 
 class Signals(Result):

@@ -94,7 +94,7 @@ def _suggestion(design: Design, trial: Trial, tolerance: float) -> Suggestion | 
 
 
 def _apparent_sd_deg(suggestion: Suggestion) -> float:
-    """Return the worst standard deviation of a motion if all combinations were determined, to rank first trials."""
+    """Return the worst standard deviation of a motion as if all combinations were determined, to rank first trials."""
     combinations = suggestion.by_voltages.combinations
     rows = np.array([list(combination.shares.values()) for combination in combinations])
     values = np.array([combination.singular_per_deg for combination in combinations])
