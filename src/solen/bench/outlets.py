@@ -71,7 +71,7 @@ class Paced:
             self._outlet.write(row)
 
     def flush(self) -> None:
-        """Do nothing: no row is buffered."""
+        """Flush the outlet."""
         self._outlet.flush()
 
     def _wait(self, cell: str) -> None:

@@ -33,10 +33,10 @@ MAX_LINE_SAMPLES = 0.75
 
 
 def clock_channels(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
-    """Return the channels from which the clock of the emitters is determined, and the channel index to which it refers.
+    """Return the channels from which the clock of the emitters is determined, and their position in the scan.
 
-    The channels are the sync, or the given inputs if there is no sync. With external switching, the channel index is
-    the mean of their indices, otherwise 0.
+    The channels are the sync input if there is one, otherwise the given inputs. The times of the clock refer to the
+    position: with external switching, the mean index of the channels, which may be fractional; otherwise 0.
     """
     channels = [setup.inputs] if setup.synced else list(inputs)
     return channels, float(np.mean(channels)) if setup.switching == "external" else 0.0

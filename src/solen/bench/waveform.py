@@ -84,7 +84,7 @@ class Waveform:
 
     @property
     def lines(self) -> dict[str, ClockLine]:
-        """Lines from the device's clock to the run's clock, keyed by the names of the segments."""
+        """Linear conversions from device time to run time, keyed by segment name."""
         return {segment.name: segment.line for segment in self._segments}
 
     def readings(self, views: Sequence[View]) -> Iterator[tuple[View, Demodulated, BoolArray]]:

@@ -201,7 +201,7 @@ class Slurm(Strict):
         try:
             return new_cluster(**given, **lists, processes=self.processes or 1)
         except (ValueError, RuntimeError) as error:  # due to its memory or its interface
-            raise DataError("--cluster", limit=str(error), remedy="correct the cluster's file") from None
+            raise DataError("--cluster", limit=str(error), remedy="correct the cluster file") from None
 
 
 def check_job(script: str) -> None:
@@ -214,7 +214,7 @@ def check_job(script: str) -> None:
     reply = subprocess.run(test, input=script, text=True, capture_output=True, check=False)  # noqa: S603  sbatch's own options
     if reply.returncode:
         limit = f"SLURM rejects its jobs: {'; '.join(reply.stderr.splitlines())}"
-        raise DataError("--cluster", limit=limit, remedy="correct the cluster's file")
+        raise DataError("--cluster", limit=limit, remedy="correct the cluster file")
 
 
 def machine_at(cluster: str | None) -> Machine:

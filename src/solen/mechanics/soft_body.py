@@ -184,7 +184,7 @@ class Path:
         """Start a path at rest, with a mesh that resolves the contacts of its loads."""
         loads = states[0]
         if any(_without_amounts(state) != _without_amounts(loads) for state in states):
-            raise DesignError("loads", limit="states may differ only by their angles, depths and forces")
+            raise DesignError("loads", limit="states may differ only in their angles, depths and forces")
         problem = _problem(soft, states)
         rest = Guess(
             np.zeros(problem.elements.unknown_count),

@@ -137,8 +137,9 @@ class Document:
         """
         with self.lock:
             if self._text_on_disk() != self.on_disk:
-                limit = "was changed by another program since it was opened"
-                raise OutputError(str(self.path), limit=limit, remedy="reload the file, or copy it before you save")
+                limit = "has been changed by another program since it was opened or saved"
+                remedy = "reload the file, which discards your unsaved changes"
+                raise OutputError(str(self.path), limit=limit, remedy=remedy)
             text = self._edited_text()
             files.write_text(self.path, text)
             self.on_disk, self.saved = text, self.state

@@ -367,7 +367,7 @@ def _face_warnings(
     """Return the limits of the prediction of a face that varies with height."""
     worst = max(u_um.values())
     warnings = [
-        note("each layer has the wall of its mid-height; shrinkage along the height is neglected"),
+        note("the wall of each layer is computed at its mid-height; shrinkage along the height is neglected"),
         note("the walls next to the lens are traced as designed"),
         warning(
             f"the uncertainty of the process is up to {worst:.2g} µm for the wall of a layer; it is not included in "

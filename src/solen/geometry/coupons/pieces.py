@@ -16,7 +16,7 @@ SPACING_MM = 5.0
 
 
 def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return discs of 3 mm, each cured by one exposure of a drop of resin, for the working curve."""
+    """Return discs 3 mm in diameter, each cured by one exposure of a drop of resin, for the working curve."""
     exposures = options.disc_exposures_s
     names = unique_names(f"t-{exposure:g}s" for exposure in exposures)
     discs = _disc_row(options, names, exposures, [None] * len(names))
@@ -32,7 +32,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return discs of 3 mm in one image, each with a different grey level, to measure the dose of grey pixels."""
+    """Return discs 3 mm in diameter in one image, each with a different grey level, to measure the dose of grey pixels."""
     names = unique_names(f"g-{grey:g}" for grey in options.greys)
     discs = _disc_row(options, names, [options.grey_exposure_s] * len(names), options.greys)
     cautions = (

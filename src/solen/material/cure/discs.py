@@ -67,8 +67,9 @@ class CureOptions(RowOptions):
             name = "layers" if self.layers is not None else "burn_in_layers"
             raise refused(name, "requires --exposure-s", remedy="add --exposure-s")
         if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
-            limit = "must be above 0 if, and only if, --burn-in-s is specified"
-            raise refused("burn_in_layers", limit, value=self.burn_in_layers)
+            missing = "--burn-in-layers" if self.burn_in_layers == 0 else "--burn-in-s"
+            limit = "--burn-in-layers above 0 and --burn-in-s must be specified together"
+            raise refused("burn_in_layers", limit, value=self.burn_in_layers, remedy=f"add {missing}")
         if self.layers is not None and self.burn_in_layers > self.layers:
             raise refused("burn_in_layers", f"must be at most --layers, {self.layers}", value=self.burn_in_layers)
         return self

@@ -30,7 +30,7 @@ HARMONICS = 4
 
 @dataclass(frozen=True, eq=False)
 class Blur:
-    """Causes that reduce the contrast of fringes.
+    """Effects that reduce the contrast of fringes.
 
     Attributes
     ----------

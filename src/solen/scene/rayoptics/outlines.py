@@ -250,7 +250,7 @@ def _check_finished(fields: Fields) -> None:
 
 
 def aperture(fields: Fields, _: SceneSettings) -> list[Curve]:
-    """Return both sides of an aperture."""
+    """Return the two blocking segments of an aperture."""
     return [read_segment(fields, "p1", "p3"), read_segment(fields, "p4", "p2")]
 
 

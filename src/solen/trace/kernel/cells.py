@@ -92,10 +92,10 @@ def node_between(rule: Rule, low: float, high: float, n: int) -> float:
 
 @linked
 def node_index(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: Nodes, q: float, t: float) -> int:
-    """Return the index of a node, and integrate it if it is new.
+    """Return the index of the node (q, t); if it is new, evaluate the path integral there and store it.
 
-    The out-of-plane angle is asin(sine sin t). The projected angle is the fraction q of its maximum within the cone at
-    that out-of-plane angle; a point emitter has no q.
+    The out-of-plane angle is asin(s sin t), where s is ``light.sine``. The projected angle is q times the largest
+    projected angle within the cone at that out-of-plane angle; q is ignored for a point emitter.
     """
     key = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
     slot = np.int64(key & np.uint64(SLOTS - 1))

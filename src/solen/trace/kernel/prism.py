@@ -58,7 +58,7 @@ NO_SAMPLE = -1
 def store_branch(
     w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Vector, light: Coherency
 ) -> None:
-    """Write a waiting branch."""
+    """Store a pending branch in row ``w``."""
     w[X], w[Z], w[LOW], w[HIGH] = x, z, low, high
     w[DX], w[DY], w[DZ], w[EX], w[EY], w[EZ] = d.x, d.y, d.z, e.x, e.y, e.z
     w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
