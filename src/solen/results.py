@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from solen.errors import FrozenError
+from solen.errors import FrozenError, OutputError
 from solen.extras import need
 
 if typing.TYPE_CHECKING:
@@ -111,12 +111,16 @@ class Result:
         Raises
         ------
         OutputError
-            If xarray is not installed.
+            If the result itself contains no arrays, or xarray is not installed.
         """
         need("xarray", what="to_dataset", doing="a dataset")
         import xarray
 
-        return xarray.Dataset(*self.dataset_parts())
+        parts = self.dataset_parts()
+        if not parts[0]:
+            limit, remedy = "contains no arrays of its own", "use to_dict, or to_dataset of one of its parts"
+            raise OutputError(type(self).__name__, limit=limit, remedy=remedy)
+        return xarray.Dataset(*parts)
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Return variables, coordinates and attributes of the dataset."""

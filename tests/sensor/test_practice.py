@@ -339,3 +339,19 @@ def test_study_includes_the_practice_on_request() -> None:
     full_study = study(design(lens__shape="none"), fractions.append, practical=True)
     assert full_study.practice is not None
     assert fractions == sorted(fractions)
+
+
+def test_change_of_light_agrees_with_the_sensor_with_more_absorption() -> None:
+    """A symmetric sensor at rest has the contrast 0 by symmetry, but its light changes as at other angles."""
+    key = "material.absorption_per_mm"
+    result = effect(practice_of(key), key)
+    built = Sensor.of(
+        design(
+            emitter__width_mm=0.2, emitter__height_mm=0.2, emitter__pattern="lambertian", trace__dimension="extruded"
+        )
+    )
+    before, after = (
+        chip.power((-3.0, -1.0), tolerance=1e-3).received_share for chip in (built, built.set({key: result.tolerance}))
+    )
+    assert result.received == pytest.approx(after / before - 1.0, abs=0.003)
+    assert result.received < -0.15

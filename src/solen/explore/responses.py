@@ -127,7 +127,7 @@ def point_warnings(measure: Measure, points: Sequence[Point], failures: Mapping[
         failed, first = sum(failures.values()), next(iter(failures))
         others = "".join(f"; {count} of them: {why}" for why, count in list(failures.items())[1:MAX_REASONS])
         more = f"; and {len(failures) - MAX_REASONS} further reasons" if len(failures) > MAX_REASONS else ""
-        yield f"{failed} of {len(points)} points have no response: {first}{others}{more}"
+        yield f"points without a response: {failed} of {len(points)}: {first}{others}{more}"
     yield from measure.warnings(points)
     reasons = [point.why for point in points if point.is_traced and point.why]
     if reasons:

@@ -115,12 +115,13 @@ def sweep(
     order = chips_last(axes) if chips else range(len(points))
     traced = trace([points[index] for index in order], cases, progress)
     traced = [traced[index] for index in np.argsort(order)] if chips else traced
+    new = sum(point.is_traced for point in list(store.points.values())[known:])
     nominal = traced[:: len(cases)]
     unused = unused_on_grid(axes, nominal) if is_grid else list(unused_in_samples(axes, points, nominal, trace))
     values = {axis.key: [point[axis.key] for point in points] for axis in axes}
     shape = tuple(len(axis.values) for axis in axes) if is_grid else (len(points),)
     seed = None if options.samples is None else options.seed
-    swept = _swept(design, measure, values, shape, seed, traced, cases, len(store.points) - known)
+    swept = _swept(design, measure, values, shape, seed, traced, cases, new)
     swept = replace(swept, part=options.part, first=indices.start)
     return replace(swept, warnings=(*swept.warnings, *(_no_effect_warning(design, key) for key in unused)))
 

@@ -38,7 +38,7 @@ class Sweep(Result):
         Reasons why points have no response, with their counts; reasons that differ only in numbers are counted
         together.
     traced
-        Number of responses that were traced rather than read from the store.
+        Number of responses that were traced rather than read from the store; designs without a response do not count.
     robust
         Deviations with which each point was also traced.
     angle_deg, power, u_power

@@ -10,6 +10,9 @@ Public names: `Recording` and `Channel`.
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -140,6 +143,12 @@ class Recording(Result):
     channels: tuple[Channel, ...]
     provenance: Provenance
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Return the channels and text columns over the rows, with the units of the channels."""
+        channels = {channel.name: (("row",), channel.values, {"units": channel.unit}) for channel in self.channels}
+        texts = {name: (("row",), np.array(values)) for name, values in self.texts.items()}
+        return {**channels, **texts}, {}, {"file": self.provenance.file, "simulated": int(self.provenance.simulated)}
 
     @property
     def names(self) -> tuple[str, ...]:

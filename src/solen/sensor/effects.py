@@ -66,7 +66,7 @@ class Effect(Result):
     angle_deg, contrast, u_contrast
         Angles (K,), the change of the contrast there and its uncertainty.
     received, u_received
-        Relative change of the power at both receivers, averaged over these angles.
+        Relative change of the power at both receivers, averaged over these angles except 0.
     null_deg, u_null_deg
         Change of the null; None without a null.
     """
@@ -199,10 +199,11 @@ def _number_effect(sensor: Sensor, key: str, base: Response, null: tuple[float, 
 def _with_symmetric_rest(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
     """Return the response of ``other`` at the angles of ``base``, with the reading at rest copied from ``base``.
 
-    Both have a contrast of 0 at rest if both sensors are symmetric; None if one is not, or rest is not in ``base``.
+    Both have a contrast of 0 at rest if both sensors are symmetric; None if one is not, or rest is not in ``base``. The
+    copied powers are not those of ``other``: `_effect` compares the light at the remaining angles.
     """
     at_rest = base.angle_deg == 0.0
-    if not (at_rest.any() and sensor.is_symmetric and other.is_symmetric):
+    if at_rest.all() or not (at_rest.any() and sensor.is_symmetric and other.is_symmetric):
         return None
     moving = [float(angle) for angle in base.angle_deg if angle != 0.0]
     return response_at(other, moving).merged(base.subset(np.flatnonzero(at_rest).tolist()))
@@ -253,9 +254,11 @@ def _joins(sensor: Sensor) -> tuple[str, ...]:
 
 
 def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:
-    """Return the difference of two responses at the same angles, times ``half``."""
-    light = [response.received_share for response in (low, high)]
-    u_light = [float(np.max(2.0 * response.u_power)) for response in (low, high)]
+    """Return the difference of two responses at the same angles, times ``half``; their light is compared off rest."""
+    off_rest = np.flatnonzero(high.angle_deg != 0.0).tolist() or [0]
+    compared = [response.subset(off_rest) for response in (low, high)]
+    light = [response.received_share for response in compared]
+    u_light = [float(np.max(2.0 * response.u_power)) for response in compared]
     return Effect(
         key,
         value,

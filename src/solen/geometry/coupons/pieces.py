@@ -32,7 +32,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Return discs 3 mm in diameter in one image, each with a different grey level, to measure the dose of grey pixels."""
+    """Return discs 3 mm in diameter in one image, with different grey levels, to measure the dose of grey pixels."""
     names = unique_names(f"g-{grey:g}" for grey in options.greys)
     discs = _disc_row(options, names, [options.grey_exposure_s] * len(names), options.greys)
     cautions = (

@@ -23,8 +23,7 @@ NAMES = {
     "receivers.gap_mm": "air gap before the receivers",
 }
 ADVICE = {
-    "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset "
-    "of {by} moves the null by {null}.",
+    "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset of {by} {shift}.",
     "emitter.width_mm": "Measure the LED chip: a width change of {by} changes the contrast by {change}.",
     "emitter.distance_mm": "Keep the specified emitter distance: an error of {by} changes the contrast by {change}.",
     "material.index": "Measure the index of the printed material: an error of {by} changes the contrast by {change}.",
@@ -271,11 +270,12 @@ def _deviation(effect: Effect) -> str:
 def _advice(effect: Effect) -> str:
     largest = int(np.nanargmax(np.abs(effect.contrast)))
     change = f"{abs(effect.contrast[largest]):.2g} at {effect.angle_deg[largest]:+.3g}°"
-    null = "nothing" if effect.null_deg is None else f"{abs(effect.null_deg):.2g}°"
+    no_null = f"changes the contrast by {change}"
+    shift = no_null if effect.null_deg is None else f"moves the null by {abs(effect.null_deg):.2g}°"
     by = f"a {effect.value} join" if effect.key == JOIN else _deviation(effect)
     by = HOLDS[str(effect.value)] if effect.key == HOLD else by
     text = ADVICE.get(effect.key, f"{effect.key}: a deviation of {{by}} changes the contrast by {{change}}.")
-    return text.format(by=by, change=change, null=null, light=f"{abs(effect.received):.0%}")
+    return text.format(by=by, change=change, shift=shift, light=f"{abs(effect.received):.0%}")
 
 
 def _unsigned(value: float, small: float) -> float:
