@@ -14,6 +14,7 @@ _MAX_UNIT_LENGTH = 24  # longer strings are comments
 _SPELLINGS = {"pct": "%", "percent": "%", "prozent": "%"} | dict.fromkeys(("%t", "%r", "%a"), "%")
 _SPELLINGS |= {
     "µ": "µm",
+    "å": "angstrom",
     "micron": "um",
     "microns": "um",
     "sec": "s",

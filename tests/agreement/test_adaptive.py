@@ -105,7 +105,7 @@ def test_uncertainty_covers_dense_fan_in_random_scenes(mode: Mode) -> None:
 
 def test_refuses_beams_and_invalid_options() -> None:
     beam = Scene((AIR,), (), (Beam((0.0, 0.0), (1.0, 0.0), 0.0, 2),))
-    with pytest.raises(DesignError, match="source Beam"):
+    with pytest.raises(DesignError, match="source of type Beam"):
         integrate(beam)
     with pytest.raises(DesignError, match="tolerance = 0"):
         integrate(sensor_scene(0.0), tolerance=0.0)

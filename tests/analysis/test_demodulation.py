@@ -235,7 +235,7 @@ def test_means_omit_a_block_with_a_gap() -> None:
     [
         ([0.0, 1.0, 1.0], [0, 1, 0], "time of sample 3 = 1.0; must be later"),
         ([0.0, np.nan, 1.0], [0, 1, 0], "time of sample 2"),
-        ([0.0, 1.0, 2.0], [1, 1, 2], "there are 2 and 0"),
+        ([0.0, 1.0, 2.0], [1, 1, 2], "there are 2 on slots and 0 off slots"),
         ([0.0, 1.0], [0, 1, 0], "at least one sample"),
     ],
 )

@@ -392,7 +392,7 @@ def test_queries_capabilities_of_device(
             {"terminal": "differential", "range_v": 2.0, "switching": "counter", "emitters": 2},
             "myDAQ .*: it has 1 counter that generates pulses",
         ),
-        ("USB-6356", {"terminal": "differential", "rate_hz": 2e6}, "an input of USB-6356 is 1250000 samples"),
+        ("USB-6356", {"terminal": "differential", "rate_hz": 2e6}, "input of USB-6356, 1250000 samples"),
         (
             "USB-6356",
             {"terminal": "differential", "switching": "counter", "emitters": 5},

@@ -156,7 +156,7 @@ def test_impossible_design_has_no_response(tmp_path: Path) -> None:
     result = sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=2,2000,-2,3000",)), Store(tmp_path))
     assert np.isnan(result.merits["light"]).tolist() == [False, True, True, True]
     assert list(result.failures.values()) == [2, 1]  # reasons that differ only in numbers are counted together
-    assert "3 of 4 points" in result.warnings[0]
+    assert "3 of 4:" in result.warnings[0]
     with pytest.raises(SpecError, match="no point has a response"):
         sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path / "refused"))
     assert not (tmp_path / "refused").exists()

@@ -65,7 +65,7 @@ def test_the_single_layer_has_no_burn_in(folder: Path, capfd: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("arguments", "texts"),
     [
-        (["film-layer.json"], ["--run", "base or layer"]),
+        (["film-layer.json"], ["--run", "base, layer"]),
         (["film-layer.json", "--run", "top"], ["--run", "top"]),
         (["group-a.json", "--run", "base"], ["--run", "base"]),
         (["film-layer.json", "--run", "layer", "--exposure-s", "3"], ["--exposure-s = 3", "must be 2"]),

@@ -153,7 +153,7 @@ def test_writes_all_files_or_none(design: Path, tmp_path: Path) -> None:
     )
     figure = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "simulated: Paper 860 nm" in figure
-    assert "brighter is lower" in figure
+    assert "lower if brighter" in figure
     data = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert data["kind"] == "readout"
     assert data["voltage_V"] == outcome.to_dict()["voltage_V"]

@@ -69,6 +69,10 @@ class Readings(Result):
         Temperature coefficient of the voltages with typical parts.
     advice
         Advice on the load.
+    irradiance_mW_per_cm2
+        Mean irradiance of the receiver faces due to the emitter (A, R).
+    u_trace_V
+        Uncertainty of the voltages due to that of the traced power (A, R).
     """
 
     circuit: Circuit
@@ -84,16 +88,13 @@ class Readings(Result):
     resolution_of_all_deg: FloatArray
     drift_V_per_K: FloatArray
     advice: Advice
+    irradiance_mW_per_cm2: FloatArray
+    u_trace_V: FloatArray
 
     @reported
     def voltage_V(self) -> FloatArray:
         """Voltages with typical parts (A, R)."""
         return self.voltage_by_case_V["typical"]
-
-    @reported
-    def irradiance_mW_per_cm2(self) -> FloatArray:
-        """Mean irradiance of the receiver faces (A, R)."""
-        return self.circuit.irradiance_mW_cm2(self.power_fraction)
 
     @reported
     def contrast(self) -> FloatArray:
@@ -103,11 +104,6 @@ class Readings(Result):
         total = right + left
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(total > 0.0, (right - left) / total, np.nan))
-
-    @reported
-    def u_trace_V(self) -> FloatArray:
-        """Uncertainty of the voltages due to that of the traced power, (A, R)."""
-        return np.asarray(self.u_power[:, None] * np.abs(self.circuit.slope_V(self.power_fraction)))
 
     @reported
     def range(self) -> VoltageRange:
@@ -182,6 +178,8 @@ def readings_of(
         resolution_of_all_deg=combined,
         drift_V_per_K=warm - cold,
         advice=advise(circuit, power_fraction, trimmer, *light),
+        irradiance_mW_per_cm2=circuit.irradiance_mW_cm2(power_fraction, temperature_C),
+        u_trace_V=np.asarray(u_power[:, None] * np.abs(circuit.slope_V(power_fraction, *light))),
     )
 
 

@@ -98,7 +98,7 @@ _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN gf kgf lbf Pa kPa MPa GPa W mW uW µW nW kW "
     "J mJ uJ µJ kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg degree degrees mdeg rad mrad "
     "arcmin arcsec K degC °C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml pF nF fF lux lx "
-    "counts"
+    "counts angstrom"
 )
 _UNIT_WORDS = frozenset(_UNITS.split())
 _ANY_CASE = {"sek", "sec", "deg", "ohm", "ohms", "kohm"}

@@ -281,7 +281,7 @@ def _in_nm(channel: Channel) -> Channel:
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _ASSUMED_NM[0] or values.max() > _ASSUMED_NM[1]:
         return channel
-    note = f"no unit is given: {values.min():g} to {values.max():g} are assumed to be in nm"
+    note = f"no known unit is given: {values.min():g} to {values.max():g} are assumed to be in nm"
     return replace(channel, unit="nm", note=note)
 
 

@@ -148,7 +148,7 @@ def _ledger(result: Trace, in_space: bool) -> Iterator[str]:
         yield f"  {field.name:9} {_power(getattr(result.ledger, field.name), getattr(result.u_ledger, field.name))}"
     if in_space:
         missed, leaked = _power(result.missed, result.u_missed), _power(result.leaked, result.u_leaked)
-        yield f"  of the escaped power, {missed} passed above or below the body, {leaked} leaked through top or bottom"
+        yield f"  of the emitted power, {missed} passed above or below the body, {leaked} leaked through top or bottom"
     if result.single_error is not None:
         yield f"single precision deviates by at most {result.single_error:.1e} for the compared rays"
     if not result.reached:
