@@ -278,7 +278,7 @@ def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | N
 
 
 def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Return the last sample at a level before the midpoint of a ramp; if ``level`` is None, the last extreme one."""
+    """Return the index of the last sample at ``level`` before the middle of a ramp; for None, of the turning point."""
     part = a[low : middle + 1]
     if level is None:
         return middle - int(np.argmin(direction * part[::-1]))
@@ -287,7 +287,7 @@ def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance
 
 
 def _enters(a: FloatArray, middle: int, high: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Return the first sample at a level after the midpoint of a ramp; if ``level`` is None, the first extreme one."""
+    """Return the index of the first sample at ``level`` after the middle of a ramp; for None, of the turning point."""
     part = a[middle:high]
     if level is None:
         return middle + int(np.argmax(direction * part))

@@ -104,7 +104,7 @@ class NiDaq:
 
     @property
     def no_watchdog(self) -> str | None:
-        """Warning about the state after a killed program; None if the emitters are then off."""
+        """Warning that the emitters stay on if the program is killed; None if they do not."""
         drives_emitters = self.setup.switching != "external" or self.setup.enable is not None
         if not drives_emitters or self.setup.alive is not None:
             return None

@@ -179,9 +179,9 @@ class Timing:
 
 
 def _interpolation_error_s(positions: Positions, moving: BoolArray) -> float:
-    """Return the interpolation error between queries while the stage moves, divided by its speed.
+    """Return the error of interpolating the position of the moving stage between queries, divided by the stage speed.
 
-    It is estimated as a quarter of the error of an interpolation between every second query.
+    It is estimated as a quarter of the error if every other query is omitted and interpolated from its neighbours.
     """
     even = Positions(positions.part[::2], positions.time_s[::2], positions.bound_s[::2], positions.position[::2])
     odd_moving = moving[: len(moving) // 2 * 2 : 2]

@@ -236,7 +236,7 @@ def every_second(count: int) -> IntArray:
 
 
 def worst_index(name: str, values: FloatArray) -> int:
-    """Return the index of the worst value (C,) of a merit: a missing one, otherwise the smallest or the largest."""
+    """Return the index of the worst of the values (C,) of a merit: NaN, otherwise the smallest or largest magnitude."""
     size = np.abs(values)
     return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name.startswith(_WORSE_IF_SMALL) else size)))
 

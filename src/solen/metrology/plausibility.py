@@ -57,7 +57,7 @@ def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
         return DataError(
             image.provenance.file,
             limit=limit,
-            remedy=f"increase the magnification to {finest:.2g} µm per pixel or less",
+            remedy=f"increase the magnification until a pixel covers at most {finest:.2g} µm",
         )
     remedy = "check --um-per-px, the design, and that the entire front is in the image and in focus"
     return DataError(image.provenance.file, limit=limit, remedy=remedy)

@@ -135,7 +135,7 @@ def _check_carried(design: "Design") -> None:
 
 
 def _check_bend(design: "Design") -> None:
-    """Reject a bend of an outline without the range that bends."""
+    """Reject a bend of a drawn outline if ``motion.bend_mm`` is missing or not in ascending order."""
     motion = design.motion
     if not design.body.lens_is_drawn:
         return

@@ -55,6 +55,6 @@ def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel:
 
 
 def _label(feature: Feature, down: float, index: int) -> str:
-    """Return the name of a feature above it; every second name is higher, so that neighbours do not overlap."""
+    """Return the label above a feature; alternate labels are raised, so that neighbours do not overlap."""
     above = 0.5 * feature.depth_mm + 0.12 + 0.4 * (index % 2)
     return f'<text x="{feature.x_mm:.6g}" y="{down - feature.y_mm - above:.6g}">{escape(feature.name)}</text>'

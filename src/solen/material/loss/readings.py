@@ -202,8 +202,8 @@ def _refuse_rising_voltage(loss: GuideLoss, rows: Readings, dark: float | None) 
     """Raise if voltages significantly rise with length, as from a phototransistor that pulls its output down."""
     if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
         limit = (
-            "increase with the guide's length, so light lowers the voltage, as with a phototransistor "
-            "that pulls its output down"
+            "increases with the length of the guide, so light lowers the voltage, as with a phototransistor "
+            "that pulls its output low"
         )
         highest = f"{float(np.max(rows.values)):.3g} {rows.unit}"
         remedy = (
