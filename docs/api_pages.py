@@ -10,7 +10,7 @@ PARTS = {
         "Basics",
         ("errors", "units", "plane", "arrays", "progress", "files", "extras", "registry", "results", "ranks"),
     ),
-    "curve": ("Curves and interfaces", ("curve", "interface")),
+    "curve": ("Curves and refraction", ("curve", "refraction")),
     "recording": ("Recordings", ("recording",)),
     "spec": ("The design file", ("spec",)),
     "parts": ("Parts", ("parts",)),

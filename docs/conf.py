@@ -51,9 +51,8 @@ OTHER_PROJECTS += " ast datetime decimal functools importlib re tifffile types x
 nitpick_ignore_regex = [
     (r"py:.*", rf"({OTHER_PROJECTS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
-    (r"py:.*", r"(solen\..*\.)?[KLPRT]"),  # type variables
+    (r"py:.*", r"(solen\..*\.)?[CLPRT]"),  # type variables
     (r"py:class", r"solen\.ranks\.Caution|Sampler"),  # type aliases, which are documented as data
-    (r"py:class", r"solen\.recording\.words\.Heading"),  # in a module without a page
     (r"py:.*", r"solen\..*\._\w+"),
     (r"py:.*", r"solen\.(trace\.kernel|scene\.rayoptics\.fields)\..*"),
     (
