@@ -8,7 +8,7 @@ Public names: `Recording` and `Channel`.
 """
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -161,7 +161,7 @@ class Recording(Result):
             if channel.name == name:
                 return channel
         similar = difflib.get_close_matches(name, self.names, 1)
-        remedy = f"did you mean {similar[0]}?" if similar else f"name one of {_listed(self.names)}"
+        remedy = f"did you mean {similar[0]}?" if similar else f"name one of {listed(self.names)}"
         raise DataError(f"trace {name}", limit=f"is not in {self.provenance.file or 'the recording'}", remedy=remedy)
 
     def find(self, *names: str) -> Channel | None:
@@ -178,7 +178,7 @@ class Recording(Result):
         channel = self.find(*names)
         if channel is None:
             limit = f"has no column {' or '.join(names)}"
-            remedy = f"its columns are {_listed(self.names)}"
+            remedy = f"its columns are {listed(self.names)}"
             raise DataError(self.provenance.name, limit=limit, remedy=remedy)
         return channel
 
@@ -196,5 +196,6 @@ class Recording(Result):
         return [channel.caution for channel in self.channels if channel.note]
 
 
-def _listed(names: tuple[str, ...], max_names: int = 12) -> str:
+def listed(names: Sequence[str], max_names: int = 12) -> str:
+    """Return the names on one line, shortened to the first few."""
     return ", ".join(names[:max_names]) + (f" and {len(names) - max_names} more" if len(names) > max_names else "")

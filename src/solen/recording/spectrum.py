@@ -11,7 +11,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.ranks import Caution, prefixed
-from solen.recording.model import Channel, Measured, Recording
+from solen.recording.model import Channel, Measured, Recording, listed
 from solen.results import HIDDEN
 
 _MAX_RATIO = 2.0  # larger ratios of light are in percent
@@ -139,7 +139,7 @@ def _cautions(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]
     for channel in recording.channels:
         if channel.note and channel.name in used:
             names_by_note.setdefault(channel.note, []).append(channel.name)
-    return [prefixed(_listed(channels), Caution(note)) for note, channels in names_by_note.items()]
+    return [prefixed(listed(channels, _MAX_NAMES), Caution(note)) for note, channels in names_by_note.items()]
 
 
 def _trace(file: str, spectrum: Spectrum) -> Trace:
@@ -160,8 +160,3 @@ def _trace(file: str, spectrum: Spectrum) -> Trace:
 def _range(values: FloatArray) -> tuple[float, float] | None:
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else None
-
-
-def _listed(names: list[str]) -> str:
-    remaining = len(names) - _MAX_NAMES
-    return ", ".join(names[:_MAX_NAMES]) + (f" and {remaining} more" if remaining > 0 else "")
