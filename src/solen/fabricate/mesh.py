@@ -110,17 +110,16 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
         solid -= _of_triangles(*part.hollow.surface(tolerance_mm), part.name)
     for cut in part.cuts:
         solid -= _manifold(cut.tool, tolerance_mm, weld_mm)
-    remedy = "use a smaller --tolerance-mm, or simplify the outline"
-    return closed_mesh(solid.simplify(weld_mm), tolerance_mm, part.name, remedy)
+    return closed_mesh(solid.simplify(weld_mm), tolerance_mm, part.name)
 
 
-def closed_mesh(solid: Any, tolerance_mm: float, name: str, remedy: str = "simplify the outline") -> Mesh:
+def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
     """Return the mesh of a manifold3d solid; raise `DesignError` if it is empty or not closed."""
     surface = solid.to_mesh64()
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
         limit = f"has no closed mesh within {tolerance_mm:g} mm"
-        raise DesignError(name, limit=limit, remedy=remedy)
+        raise DesignError(name, limit=limit, remedy="simplify the outline")
     return mesh
 
 
