@@ -1,8 +1,8 @@
 """Homing of stages that have no zero: never without permission.
 
 Homing may move the stage to its limits with a sensor mounted on it. A stage is homed only if the rig file allows it
-(``home = true``) or if the operator at the terminal, who is told the range, agrees. With ``home = "here"`` the current
-position is defined as the zero of the rig, and nothing moves.
+(``home = true``), or if the operator at the terminal, to whom the range is shown, agrees. With ``home = "here"`` the
+current position is defined as the zero of the rig, and nothing moves.
 
 Public names: `ensure_zero` and `has_zero`.
 """
