@@ -4,7 +4,6 @@ Public names: `sampled`, `sample_times`, `ambient_by_side`, `time_scale`, `recei
 """
 
 import re
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -29,6 +28,7 @@ from solen.recording.column_roles import (
 )
 from solen.recording.headings import plain
 from solen.recording.stimulus import ANGLE
+from solen.spec.strict import repeated
 from solen.units import factor
 
 _BRACKETED = re.compile(r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$")  # a final word in brackets, usually a unit
@@ -183,10 +183,10 @@ def _receivers(recording: Recording, options: SignalOptions, driving: StimulusCo
     taken = {*(() if time is None else (time.name,)), *(() if driving is None else driving.columns)}
     if options.channel:
         named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
-        for name, count in Counter([*(column.name for column in named.values()), *taken]).items():
-            if count > 1:
-                limit = f"has two roles in {recording.provenance.file}"
-                raise SpecError("--channel", value=name, limit=limit, remedy="use a different column for each role")
+        twice = repeated([*(column.name for column in named.values()), *taken])
+        if twice is not None:
+            limit = f"has two roles in {recording.provenance.file}"
+            raise SpecError("--channel", value=twice, limit=limit, remedy="use a different column for each role")
         return named
     columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:

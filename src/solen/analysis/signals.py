@@ -7,7 +7,6 @@ an ambiguity an error.
 Public names: `Waveforms` and `Signals`.
 """
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from solen.ranks import Caution
 from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, Name, Stimulus
 from solen.results import Result
-from solen.spec.strict import Finite, Options, refused
+from solen.spec.strict import Finite, Options, refused, repeated
 
 TIMES, TIMES_OF_LOG = ("--time", "--rate-hz"), ("--angle-time", "--angle-rate-hz")
 """Options that specify the times of a recording, and of a stage log."""
@@ -90,10 +89,9 @@ class SignalOptions(Options):
             name, equals, column = text.partition("=")
             if not name.strip() or (equals and not column.strip()):
                 raise refused("channel", "must be NAME=COLUMN", value=text, remedy="write it as in --channel left=V_L")
-        counts = Counter(name for name, _ in self.named_receivers)
-        for name, count in counts.items():
-            if count > 1:
-                raise refused("channel", "is named twice", value=name, remedy="use a different name for each receiver")
+        twice = repeated(name for name, _ in self.named_receivers)
+        if twice is not None:
+            raise refused("channel", "is named twice", value=twice, remedy="use a different name for each receiver")
         if self.rate_hz is not None and self.time is not None:
             raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="omit one")
         if self.emitters > 1 and not self.on_off_hz:

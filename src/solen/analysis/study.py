@@ -30,6 +30,7 @@ from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
 from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, in_unit, reported
+from solen.spec.strict import repeated
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 """Parameters in a file that name its sensors without a lens."""
@@ -252,7 +253,7 @@ def _read(files: Sequence[Path], options: AnalysisOptions) -> _Recordings:
 def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
     if not files:
         raise SpecError("files", limit="at least one recording is required", remedy="name one or more recordings")
-    duplicate = next((path for path in files if list(files).count(path) > 1), None)
+    duplicate = repeated(files)
     if duplicate is not None:
         raise SpecError("files", value=str(duplicate), limit="is named twice", remedy="name each recording once")
     if len(options.angle_file) not in {0, 1, len(files)}:

@@ -7,8 +7,7 @@ light, are in separate tables, which are rejected for real instruments.
 Public names: `Rig`, `SensorTable`, `Spread`, `AmbientLight` and `load_rig`.
 """
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -23,7 +22,7 @@ from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec import load
-from solen.spec.strict import NotNegative, Number, Positive, Text, error_context, refused
+from solen.spec.strict import NotNegative, Number, Positive, Text, error_context, refused, repeated
 
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
@@ -65,9 +64,9 @@ class SensorTable(BenchTable):
             if value is not None:
                 raise refused(key, "cannot be combined with emitters and inputs", value=value, remedy="omit it")
         for key, numbers in network.items():
-            repeated = _repeated((numbers or {}).values())
-            if repeated is not None:
-                limit = f"must contain different numbers, but {repeated} occurs twice"
+            twice = repeated((numbers or {}).values())
+            if twice is not None:
+                limit = f"must contain different numbers, but {twice} occurs twice"
                 raise refused(key, limit, remedy=f"use a different number for each of the {key}")
         if self.is_network and not self.lens:
             raise refused("lens", "is for a sensor with one lens", value=False, remedy="omit it")
@@ -152,9 +151,9 @@ class Rig(BenchTable):
             ("name", [sensor.name for sensor in self.sensor]),
             ("input", [number for sensor in self.sensor for number in sensor.input_numbers.values()]),
         ):
-            repeated = _repeated(used)
-            if repeated is not None:
-                raise refused("sensor", f"{what} {repeated} is used twice", remedy=f"use a different {what} for each")
+            twice = repeated(used)
+            if twice is not None:
+                raise refused("sensor", f"{what} {twice} is used twice", remedy=f"use a different {what} for each")
         self._check_motions()
         self._check_board_motor()
         if self.load_cell is not None:
@@ -204,10 +203,10 @@ class Rig(BenchTable):
         if len({stage.motion_unit for stage in self.stages.values()}) > 1:
             raise refused("stages", "must all move in deg, or all in mm")
         lines = (stage.port or stage.driver for stage in self.stages.values())
-        repeated = _repeated(line for line in lines if line not in {"simulated", "hand"})
-        if repeated is not None:
+        twice = repeated(line for line in lines if line not in {"simulated", "hand"})
+        if twice is not None:
             limit = "is used for two motions; each motion requires a stage on its own line"
-            raise refused("stages", limit, value=repeated, remedy="connect each stage to its own port")
+            raise refused("stages", limit, value=twice, remedy="connect each stage to its own port")
         if len({stage.driver == "simulated" for stage in self.stages.values()}) > 1:
             raise refused("stages", "must all be simulated, or all real")
 
@@ -270,11 +269,6 @@ class Rig(BenchTable):
     def with_single_stage(self, stage: StageTable) -> "Rig":
         """Return the rig with one of its stages as the only one, for a driver that opens it."""
         return self.model_copy(update={"stage": stage, "stages": {}})
-
-
-def _repeated(values: Iterable[Any]) -> Any:
-    """Return a value that occurs more than once; None if there is none."""
-    return next((value for value, count in Counter(values).items() if count > 1), None)
 
 
 def check_names(rig: Rig, folder: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from solen.errors import SpecError
 from solen.explore.sobol import sobol
 from solen.spec import Design, parse_assignment, value_at
+from solen.spec.strict import repeated
 
 MAX_POINTS = 1_000_000
 """Largest number of points of a sweep, or of one part of it; their responses must fit in memory."""
@@ -98,11 +99,10 @@ def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = Non
     """
     if not axes:
         raise SpecError("--over", limit="a sweep requires at least one axis", remedy=FORMS)
-    keys = [axis.key for axis in axes]
-    repeated = next((key for key in keys if keys.count(key) > 1), None)
-    if repeated:
+    twice = repeated(axis.key for axis in axes)
+    if twice:
         remedy = "put all values of the key in one --over"
-        raise SpecError(f"--over {repeated}", limit="is specified twice", remedy=remedy)
+        raise SpecError(f"--over {twice}", limit="is specified twice", remedy=remedy)
     for axis in axes:
         ends = ":".join(f"{value:g}" for value in (axis.values[0], axis.values[-1])) if axis.kind != "list" else ""
         if axis.kind == "range" and samples is None:

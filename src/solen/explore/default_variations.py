@@ -21,6 +21,7 @@ from solen.parts import EmitterPart, library_part, load_part
 from solen.sensor import Sensor
 from solen.sensor.effects import with_deviations
 from solen.sensor.numbers import MATERIAL_KEYS, number, optical_keys, tolerance_of, why_inert
+from solen.spec.strict import repeated
 
 USUAL = "usual"
 """Value of ``--vary`` that adds the default variations to the specified ones."""
@@ -54,9 +55,9 @@ def variations_of(
     printed = [] if process is None else process_variations(sensor, read_process(process), compensated=compensated)
     variations = [*specified, *printed]
     keys = [variation.key for variation in variations]
-    repeated = next((key for key in keys if keys.count(key) > 1), None)
-    if repeated:
-        raise SpecError(f"--vary {repeated}", limit="is specified twice", remedy="omit one of its variations")
+    twice = repeated(keys)
+    if twice:
+        raise SpecError(f"--vary {twice}", limit="is specified twice", remedy="omit one of its variations")
     if len(specified) < len(texts) or not texts:
         by_process = {*MM_PER_GROWTH_UM, *SHRINKING} - {"emitter.distance_mm"} if printed else set()
         known = {key for variation in specified for key in variation.weights} | by_process

@@ -10,7 +10,6 @@ with _ in place of characters that a name cannot contain: ``slope_lean_index_ben
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -37,6 +36,7 @@ from solen.sensor.network.readings import readings_of
 from solen.spec import Design
 from solen.spec.network import Network
 from solen.spec.placed import state_of
+from solen.spec.strict import repeated
 
 MIN_STEPS = 2
 SLOPE_STEP = 1 / 16
@@ -118,11 +118,11 @@ class NetworkMerits:
                 limit, remedy = f"merits require at least {MIN_STEPS}", "use more steps"
                 raise SpecError(f"network.motion[{number}].steps", value=motion.steps, limit=limit, remedy=remedy)
         self.names = tuple(self._names())
-        repeated = next((name for name, count in Counter(self.names).items() if count > 1), None)
-        if repeated is not None:
+        twice = repeated(self.names)
+        if twice is not None:
             limit = "would be the name of two merits"
             remedy = "rename an emitter, a receiver, a motion or a reading"
-            raise DesignError("network", value=repeated, limit=limit, remedy=remedy)
+            raise DesignError("network", value=twice, limit=limit, remedy=remedy)
         rest = {motion.name: motion.at_deg for motion in self.network.motion}
         self.angle_deg = np.array([[state.get(name, at) for name, at in rest.items()] for state in self.states])
         self.labels: Mapping[str, tuple[str, ...]] = {

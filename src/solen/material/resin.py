@@ -36,6 +36,7 @@ from solen.spec.strict import (
     error_context,
     nearest,
     refused,
+    repeated,
 )
 
 RESIN_SCHEMA = 1
@@ -209,10 +210,9 @@ class Resin(Strict):
 
 def _check_formulation(parts: tuple[Part, ...]) -> None:
     """Raise unless the components of a formulation have different names and fractions that add up to 100 %."""
-    names = [part.component for part in parts]
-    repeated = next((name for name in names if names.count(name) > 1), None)
-    if repeated is not None:
-        raise refused("formulation", "each component may occur once", value=repeated, remedy="add up its fractions")
+    twice = repeated(part.component for part in parts)
+    if twice is not None:
+        raise refused("formulation", "each component may occur once", value=twice, remedy="add up its fractions")
     total = sum(part.wt_percent for part in parts)
     if abs(total - TOTAL_PERCENT) > MAX_TOTAL_ERROR_PERCENT:
         limit = f"must add up to {TOTAL_PERCENT:g} % by weight, to within {MAX_TOTAL_ERROR_PERCENT:g} %"

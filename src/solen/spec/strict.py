@@ -11,10 +11,11 @@ contains ``schema = <version>``.
 
 import difflib
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 from annotated_types import Ge, Le
 from pydantic import (
@@ -52,6 +53,7 @@ _LIMITS = {
     "extra_forbidden": "unknown name",
     "unexpected_keyword_argument": "unknown name",
 }
+T = TypeVar("T")
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 _MAX_VALUE_LENGTH = 60  # characters of a rejected value in an error message
 
@@ -65,6 +67,11 @@ def choices(names: Iterable[str]) -> str:
     """Return two or more names as 'a', 'b' or 'c', for a message."""
     *others, last = map(repr, names)
     return f"{', '.join(others)} or {last}"
+
+
+def repeated(values: Iterable[T]) -> T | None:
+    """Return the first value that occurs more than once; None if there is none."""
+    return next((value for value, count in Counter(values).items() if count > 1), None)
 
 
 def reported_as(limit: str) -> WrapValidator:
