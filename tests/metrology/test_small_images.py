@@ -46,7 +46,7 @@ def test_rejects_unresolved_edges_for_lack_of_pixels() -> None:
     with pytest.raises(DataError) as error:
         measure_lens(as_image(grey, um_per_px), shipped("solen-860"))
     assert "60 pixels wide" in str(error.value)
-    assert "20 µm per pixel or less" in str(error.value)
+    assert "a pixel covers at most 20 µm" in str(error.value)
     assert "--um-per-px" not in str(error.value), "the scale is correct"
 
 
